@@ -125,7 +125,7 @@ def study_blocks(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) -
         values: dict[float, list[float]] = {noise: [] for noise in NOISES[:2]}
         for _index, cube in enumerate(cubes):
             others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
-            prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1, block=block)
+            prior = learn_prior(others, extent=cube.sizes["wavelength"] - 1, block=block)
             for noise in values:
                 for code in CODES:
                     taken, scene = snapshot(cube, code, noise)
@@ -150,7 +150,7 @@ def study_tiles(cubes: Sequence[xr.DataArray], whole: Sequence[xr.DataArray]) ->
 
 def _adapted(cube: xr.DataArray, whole: Sequence[xr.DataArray], settings: dict[str, dict[str, int | None]]) -> None:
     others = [c for c in whole if c.attrs["name"] != cube.attrs["name"]]
-    prior = learn_prior(others, spread=cube.sizes["wavelength"] - 1)
+    prior = learn_prior(others, extent=cube.sizes["wavelength"] - 1)
     for code in CODES:
         for noise in NOISES[:2]:
             taken, scene = snapshot(cube, code, noise)

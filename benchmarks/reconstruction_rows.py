@@ -32,7 +32,6 @@ from tmca.decoders.nets.two_headed import DEPTH_STARTS
 from tmca.errors import SettingError
 from tmca.evaluation.study import read_study
 from tmca.lab.deploy import FORMATS, export_decoder, load_exported
-from tmca.lab.movies import MOVIE_METHODS, decode_movie
 from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior
@@ -188,7 +187,7 @@ def decoders(kind: str) -> list[str]:
     if kind == "spectral-depth":
         return ["likelihood", *(f"network, two-headed from {start}" for start in DEPTH_STARTS)]
     if kind == "pixel shutter":
-        return list(MOVIE_METHODS)
+        return list(decoders_for("spectral", moving=True))
     plain = [name for name in decoders_for("light-field" if kind == "light field" else "spectral") if name != "network"]
     plain.insert(1, "lmmse --no-uncertainty")
     if kind == "light field":
@@ -201,7 +200,7 @@ def decoder_of(case: Case, name: str) -> Frame:
     if case.kind == "spectral-depth":
         return _depth_decoder(case, name)
     if case.kind == "pixel shutter":
-        return lambda values: decode_movie(Snapshot(values, case.camera), 16, name)
+        return lambda values: decode(Snapshot(values, case.camera), name, frames=16)
     if name.endswith(" export"):
         return _exported(case, name.removesuffix(" export").rpartition(", ")[2])
     if name.startswith("network"):

@@ -46,7 +46,7 @@ def measure(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
     dispersion = Dispersion.linear(bands)
     scene, target = torch.rand(shape), torch.empty(shape)
     aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
-    shutter = pattern("random", SLOTS, (rows, columns + dispersion.spread), seed=1).requires_grad_()
+    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1).requires_grad_()
     fixed = (aperture.detach(), shutter.detach())
     operator = single_disperser(*fixed, dispersion)
     snapshot = operator.A(scene)
@@ -75,7 +75,7 @@ def cubes_of_memory(shape: tuple[int, int, int, int]) -> float:
     dispersion = Dispersion.linear(bands)
     scene = torch.rand(shape, requires_grad=True)
     aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
-    shutter = pattern("random", SLOTS, (rows, columns + dispersion.spread), seed=1).requires_grad_()
+    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1).requires_grad_()
     with profile(activities=[ProfilerActivity.CPU], profile_memory=True) as record:
         single_disperser(aperture, shutter, dispersion).A(scene).square().sum().backward()
     level = peak = 0

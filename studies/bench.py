@@ -8,8 +8,8 @@ from tmca.lab.calibration.apply import calibrated_snapshot
 from tmca.lab.calibration.bench_physics import REFERENCE
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
-from tmca.lab.calibration.fits import Told
-from tmca.lab.calibration.measured_cameras import measured_sensor
+from tmca.lab.calibration.fits import StepSettings
+from tmca.lab.calibration.measured_sensor import measured_sensor
 from tmca.lab.calibration.psf import wavefront_rms
 from tmca.lab.calibration.rendered_bench import DEPTH, NAME, WAVES, nominal_spectral, write_bench
 from tmca.lab.calibration.steps import measure_all
@@ -23,7 +23,6 @@ from tmca.lab.merit import (
     reprojection_error,
     withheld,
 )
-from tmca.lab.movies import Movie, decode_movie
 from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype
 from tmca.lab.registering import (
     block_shifts,
@@ -36,9 +35,9 @@ from tmca.lab.registering import (
 from tmca.training.snapshot_camera import scene_at, training_of
 
 __all__ = [
-    "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "Movie", "PixelShutter",
+    "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "PixelShutter",
     "SingleDisperser", "agreement", "block_shifts", "brightest_rows", "calibrate_bench", "calibrated_snapshot",
-    "decode_movie", "explained", "find_calibration", "fine_part", "flattened", "import_capture", "load_calibration",
+    "explained", "find_calibration", "fine_part", "flattened", "import_capture", "load_calibration",
     "load_prototype", "measured_sensor", "neighbours_error", "nominal_spectral", "part_of", "prediction_error",
     "register_mask", "registered", "reprojection_error", "scene_at", "training_of", "wavefront_rms", "withheld",
     "write_bench",
@@ -47,6 +46,6 @@ __all__ = [
 
 def calibrate_bench(folder: Path) -> Calibration:
     """Every step of a rendered bench, as ``tmca calibrate all`` measures them."""
-    told = Told(wavelength=REFERENCE, camera=folder / "snapshot.nc")
+    told = StepSettings(wavelength=REFERENCE, camera=folder / "snapshot.nc")
     *_, (_, found) = measure_all(folder, Calibration.empty(NAME), told)
     return found

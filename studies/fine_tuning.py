@@ -37,7 +37,7 @@ from tmca.decoders import Weights
 from tmca.errors import SettingError
 from tmca.plots import reconstruction_figure, save_figure
 from tmca.training import train, training_settings
-from tmca.tuning import Prepared, decoded, prepared, read_pair
+from tmca.tuning import FineTuning, decoded, prepared, read_pair
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -182,7 +182,7 @@ class TuningProof:
 
         return Weights.load(train(settings, self.work / "simulated", load).weights)
 
-    def _ready(self, weights: Weights, calibration: Calibration, names: list[str], held: list[str]) -> Prepared:
+    def _ready(self, weights: Weights, calibration: Calibration, names: list[str], held: list[str]) -> FineTuning:
         """Fine-tuning on some captures."""
         assert weights.path is not None
         changes = {"data.train": names, "optimiser.steps": self.steps[1], "optimiser.decoder_rate": self.rate}
@@ -190,15 +190,15 @@ class TuningProof:
         changes |= {"seed": self.seed}
         return prepared(weights.path, captures, calibration, validation=held, changes=changes)
 
-    def _tuned(self, run: Prepared, operator: str) -> Weights:
+    def _tuned(self, run: FineTuning, operator: str) -> Weights:
         """The weights that come out, made once."""
         folder = self.work / f"{operator.replace(' ', '-')}-{len(run.settings.data.train)}"
         run.run(folder)
         return Weights.load(folder)
 
-    def _rows(self, run: Prepared, tuned: Weights, operator: str, held: list[str], judged: list[str]) -> list[Row]:
+    def _rows(self, run: FineTuning, tuned: Weights, operator: str, held: list[str], judged: list[str]) -> list[Row]:
         """Before and after."""
-        before: Any = run.tuning.weights
+        before: Any = run.weights
         count, step = len(run.settings.data.train), int(tuned.card["best"]["step"])
         rows: list[Row] = []
         for captures, at, network in ((0, 0, before.network), (count, step, tuned.network)):
@@ -208,21 +208,21 @@ class TuningProof:
                          "judged": means[1], "each": psnr})  # fmt: skip
         return rows
 
-    def _psnr(self, run: Prepared, tuned: Weights, network: Any, name: str) -> float:
+    def _psnr(self, run: FineTuning, tuned: Weights, network: Any, name: str) -> float:
         """Of a capture, dB."""
-        camera = cast(CodedCamera, run.tuning.camera.cpu())
-        pair, _ = read_pair(run.pairs[name], run.tuning.weights, run.calibration)
-        error = np.square(decoded(network, tuned.load_prior(), pair, camera).numpy() - pair.truth).mean()
+        camera = cast(CodedCamera, run.camera.cpu())
+        pair, _ = read_pair(run.pairs[name], run.weights, run.calibration)
+        error = np.square(decoded(network, tuned.load_prior(), pair, camera) - pair.truth).mean()
         return float(-10 * np.log10(error))
 
-    def _decoded(self, run: Prepared, tuned: Weights, operator: str, name: str) -> dict[str, np.ndarray]:
+    def _decoded(self, run: FineTuning, tuned: Weights, operator: str, name: str) -> dict[str, np.ndarray]:
         """Estimates (L, H, W) of a capture before and after, by what they are called."""
-        before, camera = run.tuning.weights, cast(CodedCamera, run.tuning.camera.cpu())
+        before, camera = run.weights, cast(CodedCamera, run.camera.cpu())
         pair, _ = read_pair(run.pairs[name], before, run.calibration)
         after = f"\ntuned on {len(run.settings.data.train)} captures"
         networks: dict[str, Any] = {"": before.network, after: tuned.network}
         return {
-            f"{operator}{how}": decoded(network, tuned.load_prior(), pair, camera).numpy()[0]
+            f"{operator}{how}": decoded(network, tuned.load_prior(), pair, camera)[0]
             for how, network in networks.items()
         }
 

@@ -46,7 +46,7 @@ def prior_file(scenes: Sequence[str], work: Path, bands: int) -> Path:
     """The prior of the decoder."""
 
     def learn(cubes: Cubes, file: Path) -> None:
-        learn_prior(list(cubes.values()), spread=bands - 1).save(file)
+        learn_prior(list(cubes.values()), extent=bands - 1).save(file)
 
     return _stored("prior", scenes, work, bands, ".nc", learn)
 

@@ -12,7 +12,6 @@ from scipy.ndimage import gaussian_filter, median_filter
 from torch import Tensor
 
 from studies.bench import (
-    decode_movie,
     neighbours_error,
     prediction_error,
     reprojection_error,
@@ -20,13 +19,13 @@ from studies.bench import (
 )
 from studies.real.records import MovieRow
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import frame_operator
+from tmca.decoders import decode, frame_operator
 from tmca.metrics import psnr
 
 _HOW: dict[str, dict[str, Any]] = {
-    "kriging": {"method": "kriging"},
-    "kriging, all changes": {"method": "kriging", "changing": 1.0, "lifetime": 48.0},
-    "space-time-dct": {"method": "space-time-dct"},
+    "kriging": {"decoder": "kriging"},
+    "kriging, all changes": {"decoder": "kriging", "changing": 1.0, "lifetime": 48.0},
+    "space-time-dct": {"decoder": "space-time-dct"},
 }
 
 
@@ -48,9 +47,9 @@ def study_movie(
         if told:
             told(method)
         start = time.process_time()
-        whole = decode_movie(snapshot, frames, **how).frames
+        whole = decode(snapshot, frames=frames, **how).values[0]
         seconds = time.process_time() - start
-        found[method] = _Decoded(whole, decode_movie(blind, frames, **how).frames, seconds)
+        found[method] = _Decoded(whole, decode(blind, frames=frames, **how).values[0], seconds)
     shown = {method: decoded.frames[:, 0].numpy() for method, decoded in found.items()}
     agreement = float(psnr(*(np.clip(shown[name], 0, 1) for name in ("kriging", "space-time-dct"))))
     moving = hidden & moving_part(snapshot)

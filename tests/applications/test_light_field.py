@@ -13,8 +13,7 @@ from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.decoders import Weights, decode
-from tmca.priors import GaussianPrior, PatchDictionary, learn_prior
-from tmca.priors.prior import _MIXTURE_OF_VIEWS
+from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, learn_prior
 
 SCENE = {"views": 3, "size": (24, 30)}
 
@@ -97,6 +96,7 @@ def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
     assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
 
 
+@pytest.mark.slow
 def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
     main(["prior", "learn-views", "rocket", "--views", "3", "--out", str(tmp_path / "p.nc")])
     assert not GaussianPrior.load(tmp_path / "p.nc").mirrored
@@ -105,7 +105,7 @@ def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
 @pytest.mark.slow
 def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(_MIXTURE_OF_VIEWS, "samples", 2000)
+    monkeypatch.setitem(GaussianMixturePrior.settings_of_views, "samples", 2000)
     main(["prior", "learn-views", "rocket", "--views", "3", "--mixture", "--out", "m.nc", "--figure", "m.png"])
     assert "Gaussian mixture of blocks 9 ×" in capsys.readouterr().out
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])

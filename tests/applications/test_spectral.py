@@ -46,7 +46,7 @@ def psnr_of(estimate, scene):
 @pytest.mark.parametrize("mixture", [False, True])
 def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
     snapshot = simulate(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
-    prior = small_mixture(examples) if mixture else learn_prior(examples, spread=BANDS - 1)
+    prior = small_mixture(examples) if mixture else learn_prior(examples, extent=BANDS - 1)
     method = "mixture" if mixture else "lmmse"
     found = decode(snapshot, method, prior=prior, uncertainty=True)
     assert psnr_of(found, scene) > psnr_of(decode(snapshot, "dagger"), scene) + 8
@@ -65,23 +65,23 @@ def test_total_variation_beats_the_least_norm_estimate(scene, method):
 def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
     snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert psnr_of(decode(snapshot, "admm-tv-joint"), scene) > 20
-    prior = learn_prior(examples, spread=BANDS - 1)
-    with pytest.raises(SettingError, match="relay blur"):
+    prior = learn_prior(examples, extent=BANDS - 1)
+    with pytest.raises(SettingError, match=r"relay.blur"):
         decode(snapshot, "lmmse", prior=prior)
 
 
 def test_a_prior_of_another_camera_is_refused(scene, examples):
     snapshot = simulate(scene, camera_for(scene))
-    other = learn_prior([e[:3] for e in examples], spread=2)
+    other = learn_prior([e[:3] for e in examples], extent=2)
     with pytest.raises(ValueError, match="3"):
         decode(snapshot, "lmmse", prior=other)
     with pytest.raises(SettingError, match="mixture"):
-        decode(snapshot, "mixture", prior=learn_prior(examples, spread=3))
+        decode(snapshot, "mixture", prior=learn_prior(examples, extent=3))
 
 
 def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
     snapshot = simulate(scene, camera_for(scene))
-    prior = learn_prior(examples, spread=3)
+    prior = learn_prior(examples, extent=3)
     found = decode(snapshot, "lmmse", prior=prior, uncertainty=True)
     path = found.save(tmp_path / "e.nc")
     with xr.open_dataset(path) as data:

@@ -19,7 +19,7 @@ from tmca.data.scene_names import SceneWarning
 from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
 from tmca.optics import PhaseMaskBench
-from tmca.plots.cube import spread_points
+from tmca.plots.cube import sample_points
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -144,9 +144,9 @@ def test_an_unknown_decoder_is_refused(camera, prior):
 def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
     cube = np.random.default_rng(0).random((3, 60, 80))
     monkeypatch.setattr("tmca.plots.cube._LOOKED_AT", 1000)
-    coarse = spread_points(cube)  # 4800 pixels: every third
+    coarse = sample_points(cube)  # 4800 pixels: every third
     assert len(set(coarse)) == 3
-    assert coarse == [(3 * row, 3 * column) for row, column in spread_points(cube[:, ::3, ::3])]
+    assert coarse == [(3 * row, 3 * column) for row, column in sample_points(cube[:, ::3, ::3])]
 
 
 def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):

@@ -7,7 +7,7 @@ import torch
 from tmca.cameras import LIMITS, Hardware, LightFieldCamera, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.cameras.faulty import ShutterFaults, in_turn
 from tmca.codes import misplaced
-from tmca.optics import gaussian_spread
+from tmca.optics import gaussian_psf
 from tmca.sensor import Sensor
 
 SIZES = [(9, 12), (10, 13)]
@@ -192,7 +192,7 @@ def test_another_shear_sees_the_mask_elsewhere(error):
 def test_a_blurred_mask_is_the_mean_of_its_neighbours():
     camera = light_field(shutter="open")
     seen = imperfect(camera, Hardware(blur=0.6)).codes()[0]
-    kernel, mask = gaussian_spread(0.6, 1)[0], camera.codes()[0]
+    kernel, mask = gaussian_psf(0.6, 1)[0], camera.codes()[0]
     reach = len(kernel) // 2
     at = mask[0, 5 - reach : 6 + reach, 6 - reach : 7 + reach]
     torch.testing.assert_close(seen[0, 5, 6], (at * kernel).sum(), atol=1e-6, rtol=0)

@@ -7,7 +7,8 @@ import torch
 import xarray as xr
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
-from tmca.errors import DataError, OutputError
+from tmca.decoders import decode
+from tmca.errors import DataError, OutputError, ShapeError, TmcaError
 from tmca.sensor import Sensor
 
 CAMERAS = {
@@ -23,6 +24,11 @@ CAMERAS = {
         "sensor": Sensor(read_noise=0.01, full_well=1e4, read_noise_electrons=3, bits=12),
     }),
     "blurred": (SpectralCamera, {"bands": 3, "size": (9, 10), "slots": 2, "relay_blur": [0.5, 0.6, 0.7]}),
+    "some light beside the sensor": (SpectralCamera, {"bands": 4, "size": (6, 9), "slots": 2, "beside": (2, 1)}),
+    "numpy's numbers": (SpectralCamera, {
+        "bands": np.int64(4), "size": np.array([6, 9]), "slots": np.int64(2), "period": np.int64(3),
+        "relay_blur": np.full(4, 0.5), "response": np.array([1, 0.5, 0.2, 0.9]),
+    }),
     "views": (LightFieldCamera, {"views": 3, "size": (6, 9), "slots": 3}),
     "fractional views, tiled": (
         LightFieldCamera, {"views": (1, 5), "size": (7, 8), "slots": 2, "shear": (1.0, -0.7), "period": 4},
@@ -48,11 +54,58 @@ def test_the_camera_comes_back_whole(taken, tmp_path):
     back = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
     assert torch.equal(back.values, snapshot.values)
     torch.testing.assert_close(back.camera.A(scene), camera.A(scene))
-    for part in ("wavelengths", "noise", "full_scale", "shear"):
+    for part in ("wavelengths", "noise", "full_scale", "shear", "beside", "relay_blur"):
         assert getattr(back.camera, part, None) == getattr(camera, part, None), part
     assert back.camera.sensor.settings() == camera.sensor.settings()
     assert back.camera.codes.aperture.period == camera.codes.aperture.period
     assert back.notes == {"scene": "random"}
+
+
+@pytest.mark.parametrize("batch", [2, 4])
+def test_several_snapshots_are_no_file_and_their_estimates_are_drawn(batch, tmp_path):
+    for kind, settings in (CAMERAS["thesis-like"], CAMERAS["views"]):
+        camera = kind(**settings)
+        several = Snapshot(torch.rand(batch, *camera.snapshot_shape).numpy(), camera)
+        with pytest.raises(ShapeError) as caught:
+            several.save(tmp_path / "s.nc")
+        assert caught.value.where == "values"
+        assert not any(tmp_path.iterdir())
+        estimate = decode(several, "tikhonov")
+        assert estimate.to_xarray().sizes["snapshot"] == batch
+        assert "<img" in estimate._repr_html_()
+
+
+def test_notes_come_back_as_they_were(tmp_path):
+    camera = SpectralCamera(bands=3, size=(4, 5), slots=2)
+    notes = {
+        "none": None,
+        "list": [1, 2],
+        "names": {"x": [1.5]},
+        "yes": True,
+        "text": '{"x": 1}',
+        "number": 1.5,
+        "no": "",
+    }
+    snapshot = Snapshot(torch.rand(1, *camera.snapshot_shape), camera, notes)
+    back = Snapshot.load(snapshot.save(tmp_path / "s.nc"))
+    assert back.notes == notes
+    assert back.notes["yes"] is True
+    assert back != snapshot
+
+
+@pytest.mark.parametrize(
+    ("call", "where"),
+    [
+        (lambda camera: Snapshot("x", camera), "values"), (lambda camera: Snapshot.load(None), "path"),
+        (lambda camera: Snapshot(torch.ones(1, 1, 4, 7), None), "camera"),
+        (lambda camera: Snapshot(torch.ones(1, 1, 4, 7), camera).save(None), "path"),
+        (lambda camera: Snapshot(torch.ones(1, 1, 4, 6), camera).to_xarray(), "values"),
+    ],
+)  # fmt: skip
+def test_what_is_no_snapshot_is_refused(call, where):
+    with pytest.raises(TmcaError) as caught:
+        call(SpectralCamera(bands=4, size=(4, 4), slots=2))
+    assert caught.value.where == where
 
 
 def test_grey_codes_of_a_measured_mask_come_back(tmp_path):
@@ -67,7 +120,7 @@ def test_the_file_opens_in_other_tools(taken, tmp_path):
     with xr.open_dataset(path) as dataset:
         if snapshot.camera.kind == "spectral":
             assert dataset["wavelength"].attrs["units"] == "m"
-            assert dataset.attrs["origin"] == snapshot.camera.dispersion.origin
+            assert dataset.attrs["origin"] == snapshot.camera.dispersion.origin + snapshot.camera.beside[0]
         assert dataset["aperture"].shape == tuple(snapshot.camera.codes()[0].shape)
     with h5py.File(path) as file:
         np.testing.assert_array_equal(file["snapshot"][()].squeeze(), snapshot.values.squeeze().numpy())
@@ -94,8 +147,10 @@ def rewritten(tmp_path, change):
         (lambda d: d.assign_attrs(disperser="triple"), "disperser"),
         (lambda d: d.assign_attrs(dispersion_axis="y"), "dispersion_axis"),
         (lambda d: d.assign_attrs(origin=7), "origin 7"),
+        (lambda d: d.assign_attrs(origin="x"), "attribute origin"),
+        *((lambda d, value=value: d.assign_attrs(full_scale=value), "attribute full_scale") for value in (np.nan, "x")),
         (lambda d: d.assign_coords(x_sensor=d["x_sensor"] + 7), "origin 7"),
-        (lambda d: d.assign_attrs(relay_blur='"x"'), "relay blur"),
+        (lambda d: d.assign_attrs(relay_blur='"x"'), "relay_blur"),
         (lambda d: d.assign(aperture=d["aperture"] + 3), "aperture"),
     ],
 )

@@ -45,7 +45,7 @@ def test_codes_code_cube_and_operator_agree(disperser, dispersion):
     )
     camera.double()
     aperture, shutter = camera.codes()
-    wide = 8 + camera.dispersion.spread
+    wide = 8 + camera.dispersion.extent
     assert (aperture.shape[2], shutter.shape[2]) == ((8, wide) if disperser == "single" else (wide, 8))
     light = camera.A_adjoint(torch.ones(1, *camera.snapshot_shape, dtype=torch.float64))[0]
     assert torch.allclose(light, camera.code_cube() * camera.response[:, None, None])

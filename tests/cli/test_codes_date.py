@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tests.lab.calibration.test_apply import dispersed, registered, with_parts
 from tmca.cameras import Snapshot
@@ -17,13 +18,12 @@ from tmca.lab.calibration import file as calibration_file
 
 SIZE, SENSOR, WAVES = (24, 28), (24, 30), (400e-9, 550e-9, 700e-9)
 TAKE = ["simulate", "spectral", "coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out"]
-DECODE = ("-d", "admm-tv", "--no-figures", "--truth", "coffee", "--json", "--overwrite")
+DECODE = ("-d", "admm-tv", "--no-figures", "--truth", "coffee", "--overwrite")
 
 
 @pytest.fixture
 def calibrations(tmp_path, monkeypatch):
     """Of one bench, measured long ago and in times to come: its mask is aside, and the prism spreads more."""
-    monkeypatch.chdir(tmp_path)
     place = registered(SIZE, SENSOR, [[1, 0, 1.0], [0, 1, 2.0]])
     with monkeypatch.context() as then:
         for name, year in (("old", 2015), ("new", 2099)):
@@ -34,18 +34,12 @@ def calibrations(tmp_path, monkeypatch):
     return tmp_path
 
 
-def said(capsys, *arguments):
-    capsys.readouterr()
-    main([str(a) for a in arguments])
-    return json.loads(capsys.readouterr().out)
-
-
 def quality(capsys, snapshot, *calibration):
-    return said(capsys, "reconstruct", snapshot, *DECODE, *calibration, "--out", "found.nc")["metrics"]["psnr"]
+    return answer(capsys, "reconstruct", snapshot, *DECODE, *calibration, "--out", "found.nc")["metrics"]["psnr"]
 
 
 def test_a_snapshot_of_a_calibrated_camera_wants_its_calibration(capsys, calibrations):
-    report = said(capsys, *TAKE, "sim.nc", "--calibration", "old", "--json")
+    report = answer(capsys, *TAKE, "sim.nc", "--calibration", "old")
     assert report["codes_date"] == "2015-03-01T00:00:00+00:00"
     assert report["size"] == list(SENSOR)
     assert report["calibration"].startswith("old_2015-03-01")
@@ -90,17 +84,17 @@ def test_codes_from_files_are_as_old_as_these(capsys, calibrations):
     assert not os.path.exists("sim.nc")
     before = datetime(2014, 7, 1, tzinfo=UTC).timestamp()
     os.utime("codes.nc", (before, before))
-    assert said(capsys, *take, "sim.nc", *shown, "--json")["codes_date"].startswith("2014-07-01")
+    assert answer(capsys, *take, "sim.nc", *shown)["codes_date"].startswith("2014-07-01")
     write_codes("dated.nc", *planes, None, {"codes_date": "2016-01-01T00:00:00"})
     os.utime("dated.nc", (before, before))
     dated = ("--codes", "dated.nc", "--calibration")
     assert "2016-01-01" in refused(capsys, *take, "other.nc", *dated, "old")
-    assert said(capsys, *take, "other.nc", *dated, "new", "--json")["codes_date"].startswith("2016-01-01")
+    assert answer(capsys, *take, "other.nc", *dated, "new")["codes_date"].startswith("2016-01-01")
     write_codes("undated.nc", *planes, None, {"codes_date": "last spring"})
     assert "'last spring'" in refused(capsys, *take, "third.nc", "--codes", "undated.nc")
     np.save("mask.npy", planes[0].numpy().astype(np.uint8))
     os.utime("mask.npy", (before, before))
-    report = said(capsys, *take, "fourth.nc", "--aperture", "mask.npy", "--calibration", "old", "--json")
+    report = answer(capsys, *take, "fourth.nc", "--aperture", "mask.npy", "--calibration", "old")
     assert report["codes_date"].startswith("2014-07-01")
 
 

@@ -1,41 +1,30 @@
 """Scenes with depth on the command line: what inspect says and draws, and what it refuses in one line."""
 
-import json
-
 import numpy as np
 import pytest
 from PIL import Image
 
+from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tests.data import rgbd_scenes as scenes
-from tmca.cli import main
 from tmca.data import label_depth, label_spectral_depth, rendered_scene, write_dataset
 
 
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
-def said(capsys, *arguments):
-    main(["inspect", *map(str, arguments)])
-    return capsys.readouterr().out
-
-
 def test_an_rgbd_scene_is_told_in_figures(capsys, tmp_path):
-    text = said(capsys, scenes.open3d(tmp_path))
+    text = said(capsys, "inspect", scenes.open3d(tmp_path))
     assert "RGB-D scene (Open3D)" in text
     assert "rgb: 3 × 40 × 60" in text
     assert "5 of 2400 pixels unknown (0.2%: 5 zero)" in text
     stem, _ = scenes.hole_filled(tmp_path / "art")
-    assert "depth: known only up to an affine map of inverse depth; 1 of" in said(capsys, stem)
-    assert not {"near", "far"} & set(json.loads(said(capsys, stem, "--json"))["depth"])
-    assert json.loads(said(capsys, stem, "--json"))["depth"]["unknown_pixels"] == 1
+    assert "depth: known only up to an affine map of inverse depth; 1 of" in said(capsys, "inspect", stem)
+    depth = answer(capsys, "inspect", stem)["depth"]
+    assert not {"near", "far"} & set(depth)
+    assert depth["unknown_pixels"] == 1
 
 
 def test_a_spectral_scene_with_depth_is_told_in_figures(capsys):
     write_dataset(rendered_scene("coffee", size=(20, 30)), "coffee.nc")
-    text = said(capsys, "coffee.nc")
+    text = said(capsys, "inspect", "coffee.nc")
     assert "wavelengths: 31 bands, 400 to 700 nm" in text
     assert "0 of 600 pixels unknown" in text
 
@@ -54,7 +43,7 @@ def test_the_picture_shows_scene_and_depth(capsys, tmp_path, kind):
             path.mkdir()
             write_dataset(scene["radiance"], path / "cube.nc")
             np.save(path / "depth.npy", scene["depth"].values)
-    assert "figure: seen.png" in said(capsys, path, "--figure", "seen.png")
+    assert "figure: seen.png" in said(capsys, "inspect", path, "--figure", "seen.png")
     with Image.open("seen.png") as picture:
         assert picture.width > 1.5 * picture.height
         colours = np.asarray(picture.convert("RGB")).reshape(-1, 3)

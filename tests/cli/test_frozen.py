@@ -11,7 +11,7 @@ import re
 import shlex
 import tempfile
 from pathlib import Path
-from typing import Literal, get_args, get_origin
+from typing import Annotated, Literal, get_args, get_origin
 
 import pytest
 
@@ -52,6 +52,8 @@ def commands(at, path=()):
 
 def kind_of(hint):
     """flag, int, float, path, choice, or text; several of them with a +."""
+    if get_origin(hint) is Annotated:
+        return kind_of(get_args(hint)[0])
     members = [one for one in get_args(hint) if one is not type(None)] if type(None) in get_args(hint) else [hint]
     [hint] = members if len(members) == 1 else [str]
     if get_origin(hint) in (list, tuple):

@@ -30,14 +30,12 @@ def write_views(folder, name, side=3):
 
 
 @pytest.fixture
-def plain(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def plain(tmp_path):
     return write_views(tmp_path / "plain", lambda v, u: f"{v}_{u}.png")
 
 
 @pytest.fixture
-def odd(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def odd(tmp_path):
     return write_views(tmp_path / "odd", lambda v, u: f"r{v}c{u}end.png")
 
 
@@ -107,8 +105,7 @@ def test_names_that_are_not_recognised_are_read_by_their_pattern_everywhere(odd,
     assert (odd.parent / "p.nc").exists()
 
 
-def test_another_lens_grid_is_read_everywhere(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_another_lens_grid_is_read_everywhere(tmp_path, capsys):
     lenslet = smooth_views()[..., 0].transpose(2, 0, 3, 1).reshape(144, 168)
     Image.fromarray(lenslet).save("lens.png")
     lens = ["--lens", "3x3"]
@@ -125,8 +122,7 @@ def test_another_lens_grid_is_read_everywhere(tmp_path, capsys, monkeypatch):
     assert "a lenslet picture" in refused(capsys, "inspect", "p.nc", *lens)
 
 
-def test_a_grid_without_a_centre_view_is_told(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_grid_without_a_centre_view_is_told(tmp_path, capsys):
     write_views(tmp_path / "even", lambda v, u: f"{v}_{u}.png", side=4)
     main(["simulate", "light-field", "even", *TAKE])
     assert "even: 4×4 views have no centre one; taken are rows 1 to 3 and columns 1 to 3" in capsys.readouterr().err
@@ -139,8 +135,7 @@ def test_no_weights_come_with_the_package_for_light_fields(plain, capsys):
     assert "--weights: found 'default', of which none come with tmca for a light-field camera" in line
 
 
-def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_options_of_light_fields_are_refused_for_cubes(tmp_path, capsys):
     main(["simulate", "spectral", "coffee", "--crop", "16x20", "--no-figures", "--out", "c.nc"])
     capsys.readouterr()
     command = ["reconstruct", "c.nc", "-d", "dagger", "--truth", "coffee", "--out", "d.nc"]

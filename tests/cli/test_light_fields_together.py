@@ -24,9 +24,8 @@ checkpoint_every: 1
 
 
 @pytest.fixture
-def place(tmp_path, monkeypatch):
+def place(tmp_path):
     """The same views in a folder of known names, in one of unknown names, and as a lenslet picture."""
-    monkeypatch.chdir(tmp_path)
     write_views(tmp_path / "plain", lambda v, u: f"{v}_{u}.png")
     write_views(tmp_path / "odd", lambda v, u: f"r{v}c{u}end.png")
     Image.fromarray(smooth_views()[..., 0].transpose(2, 0, 3, 1).reshape(144, 168)).save("lens.png")

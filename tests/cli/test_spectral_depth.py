@@ -7,6 +7,7 @@ import pytest
 import torch
 import xarray as xr
 
+from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
@@ -27,38 +28,33 @@ def prior(tmp_path_factory):
     return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
 
 
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+SIMULATE = ("simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44")
 
 
-def simulate(*more, scene="motorcycle"):
-    main(["simulate", "spectral-depth", scene, "--reduce", "8", "--crop", "48x52", *map(str, more)])
+def simulate(*more):
+    main([*SIMULATE, *more])
 
 
 def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, prior):
-    simulate("--read-noise", "0.002", "--shutter", "one-hot", "--json")
-    told = json.loads(capsys.readouterr().out)
+    told = answer(capsys, *SIMULATE, "--read-noise", "0.002", "--shutter", "one-hot")
     assert told["bands"] == 8
     assert told["slots"] == 4
     assert told["unknown_depth_pixels"] > 0
     assert {file.name for file in tmp_path.glob("*.png")} == {
         "motorcycle_snapshot.png", "motorcycle_snapshot_codes.png", "motorcycle_snapshot_psf.png"
     }  # fmt: skip
-    main(["reconstruct", "motorcycle_snapshot.nc", "--prior", str(prior), "--truth", "motorcycle", "--json"])
-    found = json.loads(capsys.readouterr().out)
+    found = answer(capsys, "reconstruct", "motorcycle_snapshot.nc", "--prior", prior, "--truth", "motorcycle")
     assert found["decoder"] == "likelihood"
     assert found["metrics"]["psnr"] > 15
-    truth = load_spectral_depth("motorcycle", WAVES, near=0.4, far=2.0, size=(48, 52), reduce=8)["depth"]
+    truth = load_spectral_depth("motorcycle", WAVES, near=0.4, far=2.0, size=(40, 44), reduce=8)["depth"]
     middle = 2 / (1 / 0.4 + 1 / 2.0)
     assert found["metrics"]["depth_mae"] < 0.8 * float(abs(truth - middle).mean())
     with xr.open_dataset("motorcycle_likelihood.nc") as kept:
-        assert kept["depth"].shape == (48, 52)
+        assert kept["depth"].shape == (40, 44)
         assert float(kept["depth"].min()) >= 0.4 - 1e-6
         assert float(kept["depth"].max()) <= 2 + 1e-6
     assert (tmp_path / "motorcycle_likelihood.png").exists()
-    main(["evaluate", "motorcycle_likelihood.nc", "motorcycle", "--figure", "both.png", "--json"])
-    again = json.loads(capsys.readouterr().out)
+    again = answer(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--figure", "both.png")
     assert again == pytest.approx(found["metrics"], rel=1e-4)
     assert (tmp_path / "both.png").exists()
     assert "--scale: found 2" in refused(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--scale", "2")
@@ -86,71 +82,20 @@ def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
     waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
     cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]]
     write_dataset(cube, tmp_path / "cube.nc")
-    said = refused(capsys, "simulate", "spectral-depth", "cube.nc", "--crop", "40x40")
-    assert "depth" in said
-    main(["simulate", "spectral-depth", "cube.nc", "--crop", "40x40", "--placed", "slanted", "--no-figures"])
+    take = ("simulate", "spectral-depth", "cube.nc", "--crop", "40x40")
+    assert "depth" in refused(capsys, *take)
+    assert "slanted" in refused(capsys, *take, "--placed", "upside-down")
+    main([*take, "--placed", "slanted", "--no-figures"])
     with xr.open_dataset("cube_snapshot.nc") as kept:
         assert np.isfinite(kept["snapshot"].values).all()
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        (("--depth", "2"), "--depth"),
-        (("--depth", "2,0.4"), "near < far"),
-        (("--planes", "0"), "planes"),
-        (("--mask", "wavy"), "zernike"),
-        (("--filters", "pink"), "rgbw"),
-        (("--channels", "cmyk"), "rgb"),
-        (("--shutter", "slow"), "one-hot"),
-        (("--slots", "0"), "slots"),
-        (("--placed", "upside-down"), "slanted"),
-        (("--read-noise", "-1"), "--read-noise"),
-        (("--aperture", "-1"), "--aperture: found"),
-        (("--psf-window", "12"), "--psf-window: found"),
-        (("--rms-nm", "inf"), "--rms-nm: found"),
-        (("--rms-nm", "1e300"), "--rms-nm: found"),
-        (("--slots", "20", "--shutter", "one-hot"), "slots: found 20"),
-        (("--reduce", "0"), "--reduce: found 0,"),
-        (("--focus", "1", "--no-lens"), "--no-lens"),
-        (("--mask", "lens"), "a lens on a bench with a lens"),
-        (("--mask", "flat", "--rms-nm", "50"), "--rms-nm"),
-        (("--rms-nm", "-5"), "--rms-nm"),
-        (("--mask", "rotational", "--modes", "5"), "--modes"),
-        (("--modes", "0"), "--modes: found 0"),
-        (("--scene-seed", "-1"), "--scene-seed"),
-        (("--from-rgb",), "leave --from-rgb out"),
-        (("--preset", "huge"), "quick"),
-        (("--codes", "run", "--pitch", "5e-6"), "--pitch beside weights"),
-        (("--codes", "run", "--no-lens"), "--no-lens beside weights"),
-        (("--codes", "run", "--psf-window", "25"), "--psf-window beside weights"),
-        (("--materials", "test"), "add --from-rgb"),
-        (("--placed", "plane", "--from-rgb"), "--from-rgb: found --placed plane beside it"),
-        (("--placed", "plane", "--metric-depth"), "--metric-depth: found --placed plane beside it"),
-    ],
-)
-def test_impossible_options_are_refused_in_one_line(capsys, tmp_path, given, message):
-    scene = "chelsea" if given[0] != "--placed" else str(tmp_path / "cube.nc")
-    if given[0] == "--placed":
-        write_dataset(rendered_scene("chelsea", size=(60, 70))[["radiance"]], scene)
-    smaller = () if given[0] == "--reduce" else ("--reduce", "8")
-    said = refused(capsys, "simulate", "spectral-depth", scene, *smaller, "--crop", "32x32", *given)
-    assert message in said
-    assert not list(tmp_path.glob("*_snapshot*"))
 
 
 def test_a_file_of_codes_names_the_option_beside_it(capsys):
     camera = SpectralDepthCamera.from_preset("quick", size=(32, 32), filters="clear", channels="monochrome")
     write_phase_codes(camera, "codes.nc", "clear", "monochrome")
     for given in (("--pitch", "5e-6"), ("--rms-nm", "20"), ("--image-formation", "linear", "--planes", "4")):
-        said = refused(capsys, "simulate", "spectral-depth", "chelsea", "--codes", "codes.nc", *given)
-        assert f"{given[-2]} beside it" in said
-
-
-def test_a_crop_narrower_than_its_blur_is_refused(capsys, tmp_path):
-    said = refused(capsys, "simulate", "spectral-depth", "chelsea", "--reduce", "8", "--crop", "16x33")
-    assert "found 16×33 pixels, expected at least 31, the width of the point spread functions" in said
-    assert not list(tmp_path.glob("*_snapshot*"))
+        line = refused(capsys, "simulate", "spectral-depth", "chelsea", "--codes", "codes.nc", *given)
+        assert f"{given[-2]} beside it" in line
 
 
 def table(values, name="table.nc"):
@@ -167,9 +112,8 @@ def test_unknown_depth_is_told_by_kind_of_what_is_in_the_crop(capsys, reduce):
     depth[4:8, 6:16] = [[0, np.nan, -1.0, np.inf, 9.0, 0.3, 2.0, 0.4, 0, 0]]
     depth[:4] = 0  # beside the crop
     crop = ("--crop", "32x32") if reduce == 1 else ("--crop", "32x32", "--reduce", "2")
-    main([*table(np.kron(depth, np.ones((reduce, reduce)))), *crop])
-    said = capsys.readouterr().out
-    assert ", 32 of 1024 pixels of unknown depth (12 zero, 4 negative, 8 not finite, 8 outside)" in said
+    printed = said(capsys, *table(np.kron(depth, np.ones((reduce, reduce)))), *crop)
+    assert ", 32 of 1024 pixels of unknown depth (12 zero, 4 negative, 8 not finite, 8 outside)" in printed
     with xr.open_dataset("table_snapshot.nc") as kept:
         kinds = ("zero", "negative", "not_finite", "outside")
         assert [int(kept.attrs[f"unknown_{kind}"]) for kind in kinds] == [12, 4, 8, 8]
@@ -179,29 +123,26 @@ def test_unknown_depth_is_told_by_kind_of_what_is_in_the_crop(capsys, reduce):
 def test_depth_just_outside_the_range_is_outside(capsys):
     depth = np.full((32, 40), 2.6)  # within half a bin of the farthest of eight planes
     depth[:, :20] = 1.0
-    main([*table(depth), "--json"])
-    told = json.loads(capsys.readouterr().out)
+    told = answer(capsys, *table(depth))
     assert (told["unknown_depth_pixels"], told["unknown_outside"], told["unknown_zero"]) == (640, 640, 0)
 
 
 def test_a_scene_without_any_depth_in_the_range_is_refused(capsys, tmp_path):
     asked = table(np.full((36, 40), 9.0))
-    said = refused(capsys, *asked)
-    assert "table: found 1440 of 1440 pixels of unknown depth (1440 outside), expected some within 0.4 to 2 m" in said
-    assert "--metric-depth" in said
+    line = refused(capsys, *asked)
+    assert "table: found 1440 of 1440 pixels of unknown depth (1440 outside), expected some within 0.4 to 2 m" in line
+    assert "--metric-depth" in line
     assert not list(tmp_path.glob("*_snapshot*"))
-    main([*asked, "--depth", "3,12", "--focus", "5"])
-    assert "unknown" not in capsys.readouterr().out
+    assert "unknown" not in said(capsys, *asked, "--depth", "3,12", "--focus", "5")
 
 
 def test_a_scene_that_is_mapped_onto_the_range_is_told(capsys, tmp_path):
     depth = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
     parts = {"radiance": (("wavelength", "y", "x"), np.ones((8, 32, 32))), "depth": (("y", "x"), depth)}
     xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf("room.nc")
-    main(["simulate", "spectral-depth", "room.nc", "--no-figures"])
-    assert "depths of 2 to 6 m mapped onto 0.4 to 2 m (--metric-depth keeps metres)" in capsys.readouterr().out
-    main(["simulate", "spectral-depth", "room.nc", "--no-figures", "--metric-depth", "--overwrite"])
-    assert "mapped" not in capsys.readouterr().out
+    take = ("simulate", "spectral-depth", "room.nc", "--no-figures")
+    assert "depths of 2 to 6 m mapped onto 0.4 to 2 m (--metric-depth keeps metres)" in said(capsys, *take)
+    assert "mapped" not in said(capsys, *take, "--metric-depth", "--overwrite")
     with xr.open_dataset("room_snapshot.nc") as kept:
         assert "inverse_depth_scale" not in kept.attrs
 
@@ -219,8 +160,7 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
     write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
-    main([*learn, "motorcycle_snapshot.nc"])
-    assert "8 × 42 × 42" in capsys.readouterr().out
+    assert "8 × 42 × 42" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
     capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")
@@ -234,8 +174,8 @@ def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_p
     main(["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "32x32", *own])
     waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
     write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
-    main(["prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc"])
-    assert "8 × 26 × 26" in capsys.readouterr().out
+    learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc")
+    assert "8 × 26 × 26" in said(capsys, *learn)
     decode = ("reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures", "--out")
     main([*decode, "usual.nc"])
     main([*decode, "given.nc", "--window", "16"])
@@ -244,7 +184,7 @@ def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_p
         xr.testing.assert_allclose(usual["depth"], given["depth"])
     capsys.readouterr()
     for window in ("12", "33"):
-        said = refused(capsys, *decode, "other.nc", "--window", window)
-        assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in said
+        line = refused(capsys, *decode, "other.nc", "--window", window)
+        assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in line
     assert "--window: found 16 for network" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
     assert not (tmp_path / "other.nc").exists()

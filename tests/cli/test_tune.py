@@ -5,7 +5,6 @@ import json
 import pytest
 import torch
 
-from tests.cli.refusals import refused
 from tests.training.test_tuning import system_of
 from tmca.cameras import Snapshot
 from tmca.cli import main
@@ -44,8 +43,7 @@ def tune(*more):
 
 
 @pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def folder(tmp_path):
     (tmp_path / "captures").mkdir()
     return tmp_path
 
@@ -88,6 +86,7 @@ def views_of(name):
     return rendered_light_field(name, views=3, size=SIZE)["light_field"]
 
 
+@pytest.mark.slow
 def test_a_light_field_decoder(capsys, folder):
     write_dataset(views_of("chelsea").to_dataset(name="light_field"), folder / "chelsea.nc")
     train("light-field", "chelsea.nc", *SMALL, "camera.views=3")
@@ -104,6 +103,7 @@ def test_a_light_field_decoder(capsys, folder):
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
 
 
+@pytest.mark.slow
 def test_a_spectral_depth_decoder(capsys, folder):
     train(
         "spectral-depth", "chelsea", "camera.size=[16, 16]", "camera.planes=3", "camera.period=2", "camera.slots=2",
@@ -123,19 +123,3 @@ def test_a_spectral_depth_decoder(capsys, folder):
     windows_are_parts_of_the_whole(folder)
     assert (folder / "tuned" / "before_after.png").exists()
     main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [
-        ([], "train: found no camera, and no --from"),
-        (["--from", "default"], "train: found no camera, and no --captures"),
-        (["--from", "nowhere", "--captures", "captures"], "nowhere: found no such"),
-        (["--from", "default", "--captures", "none"], "none: found no such folder"),
-        (["--from", "default", "--captures", "captures"], "captures: found no captures"),
-        (["--from", "default", "--captures", "captures", "--rate", "-1"], "captures: found no captures"),
-    ],
-)
-def test_what_is_missing_is_said_in_one_line(capsys, folder, more, words):
-    assert words in refused(capsys, "train", *more, *(("--out", "tuned") if more else ()))
-    assert not (folder / "tuned").exists()

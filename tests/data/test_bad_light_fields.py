@@ -59,7 +59,7 @@ SPOILT = {
     "a number too many": (lambda f: replaced(hci(f), "input_Cam025.png", ONE), "bad", "number 25"),
     "another size": (lambda f: replaced(plain(f), "3_2.png", ONE[:-1]), "bad/3_2.png", "39×48"),
     "another depth": (lambda f: replaced(plain(f), "3_2.png", ONE.astype(np.uint16)), "bad/3_2.png", "uint16"),
-    "other colours": (lambda f: replaced(plain(f), "3_2.png", np.stack([ONE] * 3, -1)), "bad/3_2.png", "colour"),
+    "other colours": (lambda f: replaced(plain(f), "3_2.png", np.stack([ONE] * 3, -1)), "bad/3_2.png", "(40, 48, 3)"),
     "a broken view": (lambda f: cut(plain(f) / "3_2.png", 300), "bad/3_2.png", "truncated"),
     "no picture": (lambda f: (plain(f) / "3_2.png").write_text("hello"), "bad/3_2.png", "unreadable"),
     "an empty view": (lambda f: cut(plain(f) / "3_2.png", 0), "bad/3_2.png", "empty"),
@@ -68,7 +68,7 @@ SPOILT = {
     "no numbers": (lambda f: hci(f, without=("num_cams_x", "baseline_mm")), "bad/parameters.cfg", "baseline_mm"),
     "no text": (lambda f: (hci(f) / "parameters.cfg").write_bytes(b"\xff\xfe"), "bad/parameters.cfg", "unreadable"),
     "another resolution": (lambda f: hci(f, size=(512, 512)), "bad/parameters.cfg", "512×512"),
-    "another grid": (lambda f: hci(f, side=9), "bad/parameters.cfg", "num_cams_y = 9"),
+    "another grid": (lambda f: hci(f, side=9), "bad", "0 to 80 as parameters.cfg says"),
     "another grid of names": (lambda f: write_parameters(plain(f), side=9), "bad/parameters.cfg", "num_cams_y = 9"),
     "a stated grid": (
         lambda f: edited(without(hci(f, side=9), "input_Cam017.png"), "num_cams_y = 9", "num_cams_y = 3"),
@@ -126,7 +126,7 @@ def test_a_light_field_with_nan_is_refused(tmp_path):
     values = np.ones((3, 3, 4, 4), np.float32)
     values[1, 2, 3, 0] = np.nan
     path = write_light_field(label_light_field(values), tmp_path / "n.nc")
-    with pytest.raises(DataError, match="1 NaN or infinite pixels, the first at view row 1, column 2, y 3, x 0"):
+    with pytest.raises(DataError, match="1 NaN pixel, the first at view row 1, column 2, y 3, x 0"):
         read_light_field(path)
 
 

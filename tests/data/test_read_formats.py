@@ -11,6 +11,7 @@ import xarray as xr
 import zarr
 from PIL import Image
 
+from tests.data.light_field_files import write_pfm
 from tmca.data import describe, label, nm_to_metres, read, read_array, write_dataset, write_tiff
 from tmca.errors import DataError
 
@@ -319,3 +320,16 @@ def test_label_gives_both_units(pixels, nm):
     np.testing.assert_array_equal(cube.wavelength_nm, nm)
     assert cube.wavelength.attrs["units"] == "m"
     assert cube.wavelength_nm.attrs["units"] == "nm"
+
+
+def test_packed_arrays_and_float_maps_are_arrays_like_others(tmp_path):
+    first, second = np.arange(12.0).reshape(3, 4), np.ones(2)
+    np.savez(tmp_path / "two.npz", first=first, second=second)
+    np.testing.assert_array_equal(read_array(tmp_path / "two.npz", "first"), first)
+    assert {name: v["shape"] for name, v in describe(tmp_path / "two.npz")["variables"].items()} == {
+        "first": [3, 4],
+        "second": [2],
+    }
+    with pytest.raises(DataError, match="2 arrays that could be the array of numbers"):
+        read_array(tmp_path / "two.npz")
+    np.testing.assert_array_equal(read_array(write_pfm(tmp_path / "map.pfm", first)), first)

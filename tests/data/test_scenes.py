@@ -7,6 +7,7 @@ import pytest
 
 from tests.data import rgbd_scenes
 from tmca.data import load_light_field, load_scene, load_spectral_depth, read_scene, write_dataset
+from tmca.data.depth_scenes import check_depth_scene
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import scene_kind
 from tmca.errors import SettingError
@@ -47,6 +48,24 @@ def test_a_scene_is_read_as_what_its_file_holds(tmp_path):
     np.testing.assert_allclose(read_scene(tmp_path / "cube.nc"), cube, atol=1e-6)
     np.testing.assert_allclose(read_scene(tmp_path / "depth.nc")["depth"], with_depth["depth"])
     np.testing.assert_allclose(read_scene(tmp_path / "views.nc", views=3), views, atol=1e-6)
+
+
+@pytest.mark.parametrize(("size", "side"), [((24, 36), 24), ((41, 30), 30)])
+def test_what_a_scene_is_and_its_shorter_side_are_told_without_reading_it(tmp_path, size, side):
+    cube = load_scene("coffee", bands=3, size=size)
+    write_dataset(cube, tmp_path / "cube.nc")
+    (tmp_path / "both").mkdir()
+    write_dataset(cube, tmp_path / "both" / "cube.nc")
+    np.save(tmp_path / "both" / "depth.npy", np.ones(size))
+    rgbd_scenes.write_picture(tmp_path / "a" / "view1.png", rgbd_scenes.picture(size))
+    rgbd_scenes.write_picture(tmp_path / "a" / "disp1.png", np.full(size, 100, np.uint8))
+    for name, camera, kind in (
+        ("cube.nc", "spectral", "cube"),
+        ("both", "spectral-depth", "spectral-depth scene"),
+        ("a", "spectral-depth", "RGB-D scene"),
+    ):
+        assert scene_kind(tmp_path / name) == camera
+        assert check_depth_scene(str(tmp_path / name), "plane", True) == (kind, side)
 
 
 def test_a_rendered_scene_is_read_for_the_camera_that_is_named():

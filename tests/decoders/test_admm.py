@@ -7,7 +7,7 @@ from small_cameras import BlurredCamera, TapCamera, blocky_scene, coded_camera, 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Result, admm_tv, decode, default_weight
 from tmca.decoders.least_squares import DataStep
-from tmca.operators.linear import conjugate_gradients
+from tmca.operators.linear import Diverged, conjugate_gradients
 from tmca.sensor import Sensor
 
 SHAPE = (3, 6, 7)
@@ -110,14 +110,15 @@ def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
 
 
 @pytest.mark.parametrize("decoder", ["admm-tv", "admm-tv-joint", "pnp-tv"])
-@pytest.mark.parametrize("size", [(20, 24), (21, 23)])
+@pytest.mark.parametrize("size", [pytest.param((20, 24), marks=pytest.mark.slow), (21, 23)])
 def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int, int], decoder: str) -> None:
     """Where the relay's blur leaves next to no light, the pseudo-inverse says anything."""
     sensor = Sensor(read_noise=0.01)
     camera = SpectralCamera(4, size, slots=2, shutter="random", exposure="per-slot", relay_blur=0.6, sensor=sensor)
     scene = blocky_scene((1, 4, *size), torch.float32)
     taken = Snapshot(camera(scene, generator=0), camera)
-    assert camera.A_dagger(taken.values).abs().max() > 100
+    with pytest.warns(Diverged):
+        camera.A_dagger(taken.values)
     estimate = decode(taken, decoder)
     assert estimate.values.max() < 2
     assert (estimate.values - scene).square().mean() < 0.01

@@ -52,6 +52,15 @@ def test_estimates_of_several_snapshots_and_slots_are_labelled():
     assert labelled["wavelength_nm"].dims == ("wavelength",)
 
 
+def test_a_batch_of_light_fields_that_are_no_colours_is_labelled_drawn_and_saved(tmp_path):
+    camera = camera_for(DECODERS["dagger"], "light-field")
+    one, other = (Estimate(torch.rand(2, *camera.scene_shape), camera, "dagger") for _ in range(2))
+    assert one.to_xarray()["estimate"].dims == ("snapshot", "view_v", "view_u", "y", "x")
+    assert one.save(tmp_path / "e.nc").exists()
+    assert "<img" in one._repr_html_()
+    assert one != other
+
+
 def test_a_camera_of_a_new_kind_is_labelled_and_drawn_by_what_it_says_of_its_scenes():
     class Slabs(SpectralCamera):
         kind = "slabs"
@@ -95,6 +104,37 @@ def test_decoders_and_settings_of_another_type_are_named(decoder, settings, mess
     camera = camera_for(DECODERS["dagger"], "spectral")
     with pytest.raises(SettingError, match=message):
         decode(Snapshot(values_for(camera), camera), decoder, **settings)
+
+
+@pytest.mark.parametrize(("decoder", "settings", "where"), [
+    ("admm-tv", {"tv_weight": -1}, "tv_weight"), ("admm-tv", {"iterations": 0}, "iterations"),
+    ("pnp-tv", {"iterations": 0}, "iterations"), ("pnp-subspace", {"rank": 0}, "rank"),
+    ("pnp-subspace", {"rank": 100}, "rank"), ("tikhonov", {"weight": -1}, "weight"),
+    ("lmmse-adapted", {"tile": 0}, "tile"), ("space-time-dct", {"threshold": -1.0}, "threshold"),
+    ("space-time-dct", {"frames": 3}, "frames"), ("tikhonov", {"iterations": "many"}, "iterations"),
+    ("lmmse", {"uncertainty": "perhaps"}, "uncertainty"),
+])  # fmt: skip
+def test_settings_out_of_range_are_named_as_they_were_given(decoder, settings, where):
+    camera, values, prior, _ = case(DECODERS[decoder], "spectral")
+    taken = Snapshot(values, camera)
+    for call in (lambda: decode(taken, decoder, prior=prior, **settings),
+                 lambda: DECODERS[decoder](**settings)(taken, prior)):  # fmt: skip
+        with pytest.raises(SettingError) as refusal:
+            call()
+        assert refusal.value.where == where
+
+
+def test_a_decoder_prepared_for_other_codes_refuses_a_snapshot(tmp_path):
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    taken = Snapshot(values_for(camera), camera)
+    prepared = DECODERS["dagger"]().prepare(camera)
+    stored = Snapshot.load(Snapshot(taken.values[:1], camera).save(tmp_path / "s.nc"))
+    assert torch.equal(prepared(stored).values, prepared(taken).values[:1])
+    views = camera_for(DECODERS["dagger"], "light-field")
+    for other in (Snapshot(taken.values, camera.replace(seed=2)), Snapshot(values_for(views), views)):
+        with pytest.raises(SettingError) as refusal:
+            prepared(other)
+        assert refusal.value.where == "snapshot"
 
 
 def test_tensors_are_no_snapshots():

@@ -12,7 +12,7 @@ from conformance import CHECKS
 from tmca.cli import main
 from tmca.data import write_split
 from tmca.decoders import DECODERS, decoders_for
-from tmca.decoders.decoder import BrokenPlugin, load_plugins
+from tmca.decoders.registry import BrokenPlugin, load_plugins
 
 PACKAGE = '''
 from dataclasses import dataclass
@@ -109,9 +109,21 @@ def test_it_is_swept(plugin, tmp_path, kind, reading):
     assert rows[0]["psnr"] != rows[1]["psnr"]
 
 
-def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(tmp_path, monkeypatch):
-    install(tmp_path, monkeypatch, "broken_lines", "raise RuntimeError('no luck')\n")
-    with pytest.warns(BrokenPlugin, match="no luck"):
+@pytest.mark.parametrize(("source", "reason"), [
+    ("raise RuntimeError('no luck')\n", "no luck"),
+    ("raise SystemExit('bye')\n", "bye"),
+    (PACKAGE.replace('"backprojection", "backprojected"', '"lmmse", "mine"'), "'lmmse', which tmca.decoders.lmmse has"),
+    (PACKAGE.replace('"light-field"', "7"), "cameras: found frozenset"),
+    (PACKAGE.replace('frozenset({"spectral", "light-field"})', '"spectral"'), "cameras: found 'spectral'"),
+    (PACKAGE.replace('"backprojected"', "None"), "label: found None"),
+    (PACKAGE.replace("def reconstruct", "def restore"), "reconstruct: found no such method"),
+])  # fmt: skip
+def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(source, reason, tmp_path, monkeypatch, capsys):
+    install(tmp_path, monkeypatch, "broken_lines", source)
+    before = dict(DECODERS)
+    with pytest.warns(BrokenPlugin, match=reason):
         assert "lmmse" in decoders_for("spectral")
+    assert before == DECODERS
+    sys.modules.pop("broken_lines", None)
     monkeypatch.undo()
     load_plugins.cache_clear()

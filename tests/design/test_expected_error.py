@@ -26,7 +26,7 @@ def test_the_error_is_that_of_the_whole_posterior(name, noise, block):
     seen = torch.stack([taps.code, taps.code.flip(1)])
     expected = GaussianSolver(prior, model, Noise(*noise), torch.float64).posterior(seen).error_variance()
     found = BlockMse.of(prior, model).under(*noise)(seen)
-    torch.testing.assert_close(found, model.in_judged(expected).mean(1), rtol=1e-8, atol=1e-12)
+    torch.testing.assert_close(found, model.in_valid(expected).mean(1), rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("noise", [(0.05, 0.0), (0.02, 0.01)])
@@ -59,7 +59,7 @@ def test_the_tile_error_is_the_mean_over_its_phases():
     cut, model = repeated(small, (3, 5)).operator().taps.code.double(), error.error.model
     solver = GaussianSolver(PRIOR, model, Noise(0.05), torch.float64)
     seen = torch.stack([cut[:, y : y + 3, x : x + 9] for y in range(3) for x in range(5)])
-    truth = model.in_judged(solver.posterior(seen).error_variance()).mean()
+    truth = model.in_valid(solver.posterior(seen).error_variance()).mean()
     torch.testing.assert_close(every, truth, rtol=1e-6, atol=0)
 
 

@@ -52,7 +52,7 @@ def test_singular_values_and_coherence_are_those_of_the_cameras_matrix(dispersio
     found = measures(own, block=(2, 7), blocks=1, seed=3)
     top, left = torch.randint(1 << 16, (1, 2), generator=torch.Generator().manual_seed(3)).tolist()[0]
     code = own.operator().taps.code.roll((-top, -left), (1, 2))
-    spread = own.dispersion.spread
+    spread = own.dispersion.extent
     taps = own.operator().taps
     rolled = type(own.operator())(type(taps)(code, taps.channels, taps.offsets, 3, taps.snapshot_width))
     dense = np.asarray(sparse_matrix(rolled).todense()).reshape(2, 7 + spread, -1)
@@ -66,7 +66,7 @@ def test_singular_values_and_coherence_are_those_of_the_cameras_matrix(dispersio
 
 
 def test_what_cannot_be_measured_is_refused():
-    with pytest.raises(SettingError, match="relay blur"):
+    with pytest.raises(SettingError, match="relay_blur"):
         measures(camera(relay_blur=0.5))
     with pytest.raises(ShapeError, match="dispersion"):
         measures(camera(), block=(2, 2))

@@ -7,7 +7,7 @@ from tmca.design import BlockMse, Descent, Effort, MixtureMse, TileMse, descend,
 from tmca.design.expected_error import phases, windows
 from tmca.errors import SettingError, ShapeError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import BlockModel
+from tmca.priors.blocks import BlockModel
 
 BANDS, BLOCK = 3, (2, 9)
 
@@ -65,7 +65,7 @@ def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
                 S = own.covariance
                 G = A @ S @ A.mT + read**2 * torch.eye(len(A))
                 seen = drawn @ A.mT + read * torch.randn(len(drawn), len(A), generator=generator).double()
-                left = model.in_judged(drawn - seen @ torch.linalg.solve(G, A @ S)).square().mean()
+                left = model.in_valid(drawn - seen @ torch.linalg.solve(G, A @ S)).square().mean()
                 error += float(prior.weights[kind, gain] * left) / len(places)
     found = TileMse(MixtureMse.of(prior, model, read, 0.0, least=0))(code)
     assert float(found) == pytest.approx(error, rel=0.03)

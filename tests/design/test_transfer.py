@@ -36,7 +36,7 @@ def test_the_error_on_another_scene_is_that_of_dense_matrices(noise):
     scene = GaussianPrior.learn([SCENES["c"]], (3, 9))
     model, moments = block_error().model, scene.around(PRIOR.mean).covariance
     found = TransferMse.of(block_error(), PRIOR, scene)(seen(), *noise)
-    judged = model.in_judged(torch.arange(moments.shape[0])[None]).flatten()
+    judged = model.in_valid(torch.arange(moments.shape[0])[None]).flatten()
     for value, matrix in zip(found, block_matrices(model, seen()), strict=True):
         expected = [matrix @ prior.mean.flatten() for prior in (PRIOR, scene)]
         own, true = (torch.diag(noise[0] ** 2 + 1e-9 + noise[1] * e.clamp_min(0)) for e in expected)

@@ -192,8 +192,8 @@ def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path, scenes):
     rendered, (first, last) = sorted(split_rendered()["train"]), scenes
     study = small(decoders=["two-headed"])
     own = study.evaluation.training_scenes(study.reading, scenes, [], [], study.train)
-    lists = {"train": [first, *rendered[1:]], "validation": [rendered[0], last], "prior": [first]}
-    assert own == {**lists, "side": 68, "placed": None, "from_rgb": False}
+    expected = {"train": [first, *rendered[1:]], "validation": [rendered[0], last], "prior": [first], "side": 68}
+    assert own == expected | {"from_rgb": False, "placed": None}
     split = _split(study, {"train": scenes, "test": [], "names": {}, "validation": []})
     assert split["rendered"] == {"train": rendered[1:], "validation": rendered[:1]}
     assert split["withheld"] == "measured"

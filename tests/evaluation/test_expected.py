@@ -38,5 +38,5 @@ def test_scenes_that_vary_more_than_the_prior_says_err_more():
 
 
 def test_relay_blur_is_refused():
-    with pytest.raises(SettingError, match="relay blur"):
+    with pytest.raises(SettingError, match=r"relay.blur"):
         predicted_and_measured(PRIOR, camera(relay_blur=0.5), [])

@@ -82,10 +82,11 @@ def test_it_decodes_as_the_package_does(exported, tmp_path):
     camera.sensor.read_noise, camera.sensor.full_well = 0.02, 5000.0
     taken = Snapshot(camera.A(torch.rand(1, BANDS, *SIZE)), camera)
     taken.save(tmp_path / "s.nc")
-    cube, seconds = decode_exported(folder, tmp_path / "s.nc", "torch")
-    wanted = decode(taken, "network", weights=weights).estimate
-    torch.testing.assert_close(torch.from_numpy(cube.values)[None], wanted, atol=1e-4, rtol=1e-4)
-    assert seconds > 0
+    estimate = decode_exported(folder, tmp_path / "s.nc", "torch")
+    wanted = decode(taken, "network", weights=weights).values
+    torch.testing.assert_close(estimate.values, wanted, atol=1e-4, rtol=1e-4)
+    assert estimate.seconds > 0
+    assert estimate.to_xarray()["estimate"].dims == ("wavelength", "y", "x")
     assert about["snapshot"] == list(taken.values.shape)
 
 
@@ -212,7 +213,7 @@ def test_rounding_makes_no_other_camera(exported, tmp_path):
         }
 
     snapshot_of(exported[1], rounded).save(tmp_path / "s.nc")
-    assert decode_exported(exported[1], tmp_path / "s.nc", "torch")[0].shape == (BANDS, *SIZE)
+    assert decode_exported(exported[1], tmp_path / "s.nc", "torch").values.shape == (1, BANDS, *SIZE)
 
 
 def test_a_closed_pixel_of_a_large_camera_marks_its_codes():

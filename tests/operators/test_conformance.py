@@ -35,7 +35,7 @@ def rand(*shape):
 
 
 def planes(size, dispersion, slots=3):
-    return rand(slots, *size).round(), rand(slots, size[0], size[1] + dispersion.spread).round()
+    return rand(slots, *size).round(), rand(slots, size[0], size[1] + dispersion.extent).round()
 
 
 def slotwise(size, dispersion, **settings):

@@ -33,7 +33,7 @@ BUILDERS = {
 
 def build(kind, displacement, size, slots=3, dtype=torch.float64, exposure="equal", seed=0):
     dispersion = Dispersion(displacement)
-    near, wide = planes(slots, size, dispersion.spread, dtype, seed)
+    near, wide = planes(slots, size, dispersion.extent, dtype, seed)
     operator = BUILDERS[kind][0](near, wide, dispersion, KAPPA.to(dtype), exposure)
     return operator, near, wide
 
@@ -139,7 +139,7 @@ def test_a_window_beyond_the_codes_is_refused(window):
 def test_gradients_to_scene_codes_and_response(kind, name):
     dispersion = Dispersion(DISPERSIONS[name])
     near, wide = (
-        p.requires_grad_() for p in (torch.rand(2, 2, 3).double(), torch.rand(2, 2, 3 + dispersion.spread).double())
+        p.requires_grad_() for p in (torch.rand(2, 2, 3).double(), torch.rand(2, 2, 3 + dispersion.extent).double())
     )
     scene = torch.rand(2, 4, 2, 3, dtype=torch.float64, requires_grad=True)
     kappa = KAPPA.clone().requires_grad_()
@@ -230,7 +230,7 @@ def test_shapes_that_do_not_fit_name_both():
 @pytest.mark.parametrize("name", DISPERSIONS)
 def test_without_blur_it_is_the_collapsed_camera(name):
     dispersion = Dispersion(DISPERSIONS[name])
-    near, wide = planes(3, (5, 8), dispersion.spread)
+    near, wide = planes(3, (5, 8), dispersion.extent)
     scene = torch.rand(2, 4, 5, 8, dtype=torch.float64)
     slotwise = SlotwiseDisperser(near, wide, dispersion, KAPPA)
     collapsed = single_disperser(near, wide, dispersion, KAPPA)
@@ -239,7 +239,7 @@ def test_without_blur_it_is_the_collapsed_camera(name):
 
 def test_a_moving_scene_is_the_sum_of_its_slots():
     dispersion = Dispersion(DISPERSIONS["fractional"])
-    near, wide = planes(3, (5, 8), dispersion.spread)
+    near, wide = planes(3, (5, 8), dispersion.extent)
     scene = torch.rand(2, 3, 4, 5, 8, dtype=torch.float64)
     operator = SlotwiseDisperser(near, wide, dispersion, KAPPA, moving=True)
     truth = sum(

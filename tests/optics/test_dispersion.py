@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tmca.errors import SettingError
-from tmca.optics import Dispersion, gaussian_spread
+from tmca.optics import Dispersion, gaussian_psf
 
 
 @pytest.mark.parametrize(
@@ -13,7 +13,7 @@ from tmca.optics import Dispersion, gaussian_spread
 )
 def test_origin_and_width_are_those_of_the_errata(displacement, origin, spread):
     dispersion = Dispersion(displacement)
-    assert (dispersion.origin, dispersion.spread) == (origin, spread)
+    assert (dispersion.origin, dispersion.extent) == (origin, spread)
 
 
 def test_taps_keep_the_light_and_its_centre():
@@ -27,11 +27,11 @@ def test_taps_keep_the_light_and_its_centre():
 
 def test_rounding_errors_make_no_taps():
     nearly = Dispersion(tuple(1.1 * band * 10 / 11 for band in range(12)))
-    assert (nearly.spread, len(nearly.taps())) == (11, 12)
+    assert (nearly.extent, len(nearly.taps())) == (11, 12)
 
 
-def test_gaussian_spread_has_unit_energy_and_the_width_asked():
-    spread = gaussian_spread([0.0, 1.5], 2, radius=8).double()
+def test_gaussian_psf_has_unit_energy_and_the_width_asked():
+    spread = gaussian_psf([0.0, 1.5], 2, radius=8).double()
     assert torch.allclose(spread.sum((1, 2)), torch.ones(2, dtype=torch.float64), atol=1e-6)
     assert spread[0, 8, 8] == 1
     axis = torch.arange(-8, 9, dtype=torch.float64)
@@ -43,5 +43,5 @@ def test_impossible_dispersions_are_refused():
         Dispersion(())
     with pytest.raises(SettingError, match="nan"):
         Dispersion((0.0, float("nan")))
-    with pytest.raises(SettingError, match="relay blur"):
-        gaussian_spread([1.0, -1.0], 2)
+    with pytest.raises(SettingError, match="relay_blur"):
+        gaussian_psf([1.0, -1.0], 2)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.priors import Prior, check_kind, learn_prior, load_prior
+from tmca.priors import GaussianPrior, Prior, check_kind, find_prior, learn_prior, load_prior
 
 BANDS, VIEWS = 3, (3, 3)
 WAVELENGTHS = (500e-9, 550e-9, 600e-9)
@@ -24,7 +24,7 @@ def examples(channels):
 
 def learned(kind):
     """A prior of cubes, or of views where it is of these alone."""
-    if kind == "dictionary":
+    if Prior.kinds[kind].of_views:
         return Prior.kinds[kind].learn(
             examples(9), (4, 4), views=VIEWS, sources=["one", "other"], **SMALL.get(kind, {})
         )
@@ -41,7 +41,7 @@ def test_it_comes_back_from_its_file(kind, tmp_path):
         assert (again.block, again.wavelengths, again.sources) == (prior.block, prior.wavelengths, prior.sources)
         for name, values in prior.arrays().items():
             torch.testing.assert_close(again.arrays()[name].double(), values.double())
-    for other in set(KINDS) - {kind}:
+    for other in (name for name in Prior.kinds if not issubclass(Prior.kinds[kind], Prior.kinds[name])):
         with pytest.raises(DataError, match="expected"):
             Prior.kinds[other].load(path)
         with pytest.raises(SettingError, match="expected"):
@@ -65,12 +65,41 @@ def test_it_is_drawn_and_says_what_it_is(kind):
     assert prior.called.split()[0] in ("a", "an")
     assert set(prior.arrays()) <= set(prior.dimensions)
     assert prior.to("cpu").block == prior.block
+    assert prior != learned(kind)
+    assert len(repr(prior)) < 100
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_samples_are_refused(kind):
+    for count in (-1, 0, "many"):
+        with pytest.raises(SettingError) as error:
+            learned(kind).sample(count, seed=0)
+        assert error.value.where == "count"
+
+
+def test_a_prior_that_is_another_with_a_kind_of_its_own_conforms_and_is_taken_for_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(Prior, "kinds", dict(Prior.kinds))
+
+    class Warm(GaussianPrior):
+        kind, called = "warm", "a warm prior"
+
+    test_it_comes_back_from_its_file("warm", tmp_path)
+    test_samples_are_blocks_and_the_seed_alone_decides_them("warm")
+    test_it_is_drawn_and_says_what_it_is("warm")
+    test_cameras_of_other_bands_or_views_are_refused("warm")
+    cube = xr.DataArray(examples(3)[0].numpy(), dims=("wavelength", "y", "x"), coords={"wavelength": [*WAVELENGTHS]})
+    prior = learn_prior([cube], kind="warm")
+    assert type(prior) is Warm
+    camera = SpectralCamera(WAVELENGTHS, (22, 24))
+    assert find_prior(camera, prior, "gaussian") is prior
+    with pytest.raises(DataError):
+        Warm.load(learned("gaussian").save(tmp_path / "g.nc"))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_cameras_of_other_bands_or_views_are_refused(kind):
     prior = learned(kind)
-    fits = LightFieldCamera(VIEWS, (8, 8)) if kind == "dictionary" else SpectralCamera(WAVELENGTHS, (8, 8))
+    fits = LightFieldCamera(VIEWS, (8, 8)) if Prior.kinds[kind].of_views else SpectralCamera(WAVELENGTHS, (8, 8))
     prior.check(fits)
     for camera in (LightFieldCamera((5, 5), (8, 8)), SpectralCamera(5, (8, 8))):
         with pytest.raises(ShapeError, match="expected"):

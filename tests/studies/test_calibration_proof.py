@@ -6,6 +6,7 @@ from studies.calibration_proof import Proof, prove
 from tmca.cli.lab.calibrate_words import said_proof
 
 
+@pytest.mark.slow
 def test_mirrors_are_found_to_a_fiftieth_of_a_wave_and_explain_the_snapshot():
     found = prove(1, (40, 41), cameras=("spectral-depth",)).stated()
     errors = {row["quantity"]: row for row in found["errors"]}
@@ -16,6 +17,7 @@ def test_mirrors_are_found_to_a_fiftieth_of_a_wave_and_explain_the_snapshot():
     assert explained["calibrated"] == pytest.approx(explained["true"], abs=0.5)
 
 
+@pytest.mark.slow
 def test_leaks_are_found_and_explain_the_snapshot():
     found = prove(1, (40, 41), cameras=("light-field",)).stated()
     errors = {row["quantity"]: row["error"] for row in found["errors"]}

@@ -93,6 +93,7 @@ def test_the_shared_gram_is_compared_draw_by_draw():
     assert shared_gram([separate, shared]) == (pytest.approx(0.3), pytest.approx(0.5))
 
 
+@pytest.mark.slow
 def test_the_value_of_the_dual_tells_whether_the_truth_is_its_optimum(tmp_path):
     fixed = {"M": 9, "P": 5, "J": 2, "L": 3, "Q": 3, "method": "sdp", "early": False, "accuracy": 1e-6}
     separate, shared = run_study(Study({"gram": ["separate", "shared"]}, fixed, 1), tmp_path)

@@ -51,7 +51,7 @@ def test_the_derivative_to_smooth_codes_passes_operator_start_and_network(kind, 
     for parameter in network.parameters():
         parameter.data = torch.randn(parameter.shape, generator=generator, dtype=torch.float64) * 0.1
     scene = torch.rand(1, 2, 4, 5, generator=generator, dtype=torch.float64)
-    shutter = torch.rand(2, 4, 5 + dispersion.spread, generator=generator, dtype=torch.float64)
+    shutter = torch.rand(2, 4, 5 + dispersion.extent, generator=generator, dtype=torch.float64)
 
     def loss(latent):
         operator = single_disperser(torch.sigmoid(latent), shutter, dispersion)
@@ -142,20 +142,20 @@ def test_a_moving_scene_is_an_augmentation(tmp_path):
 def test_a_loss_that_is_no_number_stops_and_names_batch_and_parameter(tmp_path):
     def poison(done, steps, said):
         if done == 4:
-            for group in held[0].optimizers["decoder"].param_groups:
+            for group in runs[0].optimizers["decoder"].param_groups:
                 group["params"][0].data.fill_(float("nan"))
 
-    held = []
+    runs = []
     import tmca.training.run as room
 
     original = room.Run
 
-    class Held(original):
+    class Noted(original):
         def __post_init__(self):
             super().__post_init__()
-            held.append(self)
+            runs.append(self)
 
-    room.Run = Held
+    room.Run = Noted
     try:
         with pytest.raises(TrainingError, match=r"step 5.*not finite.*(first|second) at row.*0000004"):
             tiny.train(tmp_path / "run", poison)

@@ -7,21 +7,25 @@ import torch
 from tests.training import tiny
 from tmca.decoders import Weights
 from tmca.errors import SettingError
-from tmca.training.pool import CachedStarts, Pool
+from tmca.training.pool import Pool
 
 FIXED = {"camera.learn": "none", "codes.frozen": 0.0}
 
 
+def pool_of(*counts, seed=0, folder=None, compute=None):
+    return Pool.of(*counts, seed=seed, folder=folder, compute=compute)
+
+
 @pytest.mark.parametrize(("patches", "sensors", "groups"), [(1, 1, 1), (16, 1, 1), (17, 1, 2), (100, 3, 9)])
 def test_a_pool_holds_at_least_what_is_asked_for_each_sensor_alike(patches, sensors, groups):
-    pool = Pool.of(patches, 4, sensors, seed=0, steps=50)
+    pool = pool_of(patches, 4, sensors, 50)
     assert (pool.groups, pool.size) == (groups, 16)
     assert pool.first >= 50
     assert pool.first % sensors == 0
 
 
 def test_batches_are_drawn_without_repetition_and_reach_every_patch():
-    pool = Pool.of(32, 4, 1, seed=3, steps=10)
+    pool = pool_of(32, 4, 1, 10, seed=3)
     drawn = [pool.draw(step, range(4)) for step in range(200)]
     assert all(len(set(places)) == 4 for _, places in drawn)
     assert {(group, place) for group, places in drawn for place in places} == {
@@ -35,24 +39,23 @@ def test_batches_are_drawn_without_repetition_and_reach_every_patch():
 def test_a_group_is_computed_once(tmp_path):
     asked = []
 
-    def compute(step):
-        asked.append(step)
-        return torch.arange(24.0).reshape(6, 1, 2, 2) + step
+    def compute(step, places):
+        asked.append((step, len(places)))
+        return torch.arange(32.0).reshape(8, 1, 2, 2) + step
 
-    starts = CachedStarts(tmp_path / "starts", compute)
-    again = CachedStarts(tmp_path / "starts", compute)
-    for one in (starts, again):
-        torch.testing.assert_close(one(5, [4, 0])[:, 0, 0, 0], torch.tensor([21.0, 5.0]))
-    assert asked == [5]
-    assert np.load(tmp_path / "starts" / "0000005.npy").shape == (6, 1, 2, 2)
-    starts.delete()
+    pool, again = (pool_of(8, 2, 1, 5, folder=tmp_path / "starts", compute=compute) for _ in range(2))
+    for one in (pool, again):
+        torch.testing.assert_close(one.starts(5, [4, 0])[:, 0, 0, 0], torch.tensor([21.0, 5.0]))
+    assert asked == [(5, 8)]
+    assert np.load(tmp_path / "starts" / "0000005.npy").shape == (8, 1, 2, 2)
+    pool.delete()
     assert not (tmp_path / "starts").exists()
 
 
 def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
     """Without the files every batch of the pool is estimated anew: the run ends the same, to half precision."""
     kept = tiny.train(tmp_path / "kept", **FIXED)
-    monkeypatch.setattr(CachedStarts, "__call__", lambda self, step, places: None)
+    monkeypatch.setattr(Pool, "starts", lambda self, step, places: None)
     fresh = tiny.train(tmp_path / "fresh", **FIXED)
     assert kept.best["psnr"] == pytest.approx(fresh.best["psnr"], abs=0.02)
     assert not (tmp_path / "kept" / "starts").exists()

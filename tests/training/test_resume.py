@@ -15,7 +15,7 @@ from safetensors.torch import load_file
 
 from tests.training import tiny
 from tmca.errors import DataError, OutputError, SettingError
-from tmca.training.folder import held
+from tmca.training.folder import locked
 from tmca.training.loop import Stopped
 
 TINY = Path(tiny.__file__)
@@ -117,7 +117,7 @@ def test_a_run_that_never_came_to_a_checkpoint_can_be_told_otherwise(tmp_path):
 
 
 @pytest.mark.parametrize("when", ["set-up", "later"])
-def test_a_run_that_bad_input_ends_leaves_the_folder_as_it_was(tmp_path, when):
+def test_a_run_that_bad_input_ends_leaves_nothing_behind(tmp_path, when):
     def load(name):
         if name == ("third" if when == "set-up" else "second"):
             raise DataError(name, "no light", "some", "switch it on")
@@ -130,11 +130,10 @@ def test_a_run_that_bad_input_ends_leaves_the_folder_as_it_was(tmp_path, when):
     with pytest.raises(DataError, match="no light"):
         tiny.train(tmp_path / "run", load=load)
     assert list((tmp_path / "run").iterdir()) == []
-    (tmp_path / "run" / "run.json").write_text("{}")
+    (tmp_path / "run" / "run.json").write_text("{}")  # of a run that was killed before its first checkpoint
     with pytest.raises(DataError, match="no light"):
         tiny.train(tmp_path / "run", load=load)
-    assert [path.name for path in (tmp_path / "run").iterdir()] == ["run.json"]
-    assert (tmp_path / "run" / "run.json").read_text() == "{}"
+    assert list((tmp_path / "run").iterdir()) == []
 
 
 def test_a_run_that_has_a_checkpoint_keeps_it_when_its_input_goes_bad(undisturbed, tmp_path):
@@ -155,9 +154,9 @@ def test_a_run_that_has_a_checkpoint_keeps_it_when_its_input_goes_bad(undisturbe
 
 
 def test_a_folder_is_held_by_one_run_and_given_back_clean(tmp_path):
-    with held(tmp_path / "run"), pytest.raises(OutputError, match="going on"), held(tmp_path / "run"):
+    with locked(tmp_path / "run"), pytest.raises(OutputError, match="going on"), locked(tmp_path / "run"):
         raise AssertionError
-    with pytest.raises(SettingError), held(tmp_path / "other"):
+    with pytest.raises(SettingError), locked(tmp_path / "other"):
         raise SettingError("x", "bad")
     assert not (tmp_path / "other").exists()
 

@@ -12,9 +12,8 @@ from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.apply import bench_of
 from tmca.sensor import Sensor
-from tmca.training.captures import Windows
-from tmca.training.tuning import prepare_tuning
 from tmca.tuning import held_out, prepared
+from tmca.tuning.captures import Windows
 
 SIZE, NAMES = (24, 32), ("first", "second", "third", "fourth")
 
@@ -63,12 +62,7 @@ def same(one, other):
 def system_of(tuning, folder):
     from lightning_fabric import Fabric
 
-    from tmca.training.scenes import SceneLists
-
-    data = tuning.settings.data
-    lists = SceneLists(data.train, data.validation)
-    fabric = Fabric(accelerator="cpu", devices=1)
-    return prepare_tuning(tuning.tuning, tuning.read, tuning.settings, folder, tuning.read, lists, fabric).system
+    return tuning.set_up(tuning.settings, Fabric(accelerator="cpu", devices=1), folder, tuning.read).system
 
 
 def test_the_decoder_alone_moves_and_is_not_worse_on_what_is_held_out(run, captures, tmp_path):
@@ -100,7 +94,7 @@ def test_steps_that_make_it_worse_are_not_kept(run, captures, tmp_path):
 def test_a_window_gives_what_the_whole_capture_gives(run, captures, tmp_path):
     system = system_of(ready(run, captures), tmp_path)
     system.eval()
-    assert system.mixes_columns
+    assert system.simulated.mixes_columns
     torch.testing.assert_close(system.whole(1, 7), system.whole(1), atol=1e-5, rtol=1e-4)
 
 

@@ -6,19 +6,21 @@ import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from inspect import signature
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
 from torch import Tensor
 
 from tmca.applications.camera_figures import codes_figure
+from tmca.arguments import described
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -99,6 +101,42 @@ class Application(ABC):
     def reading_for(self, camera: Any) -> dict[str, Any]:
         """Arguments of ``read`` that bring a scene to what a camera sees, beside its size."""
         return {}
+
+    def scene(self, given: Any, camera: Any, where: str = "scene") -> Scene:
+        """A scene as `tmca.simulate` and `tmca.evaluate` take it, labelled.
+
+        Args:
+            given: what ``read`` reads, a labelled scene, or an array or a tensor as the camera's scenes are.
+            camera: whose wavelengths, or views, those of an array are.
+            where: for errors.
+
+        Raises:
+            DataError, ShapeError: no scene of this kind.
+        """
+        if isinstance(given, str | Path):
+            return self.read(str(given))
+        if hasattr(given, "dims"):
+            return self.labelled(given, where)
+        if not isinstance(given, Tensor | np.ndarray):
+            raise DataError(where, described(given), "a scene", "read it with tmca.read")
+        return self.of_array(given.numpy(force=True) if isinstance(given, Tensor) else given, camera, where)
+
+    def labelled(self, scene: Any, where: str) -> Scene:
+        """A labelled scene with its axes in order.
+
+        Raises:
+            DataError: of another kind.
+        """
+        checked: Scene = scene
+        return checked
+
+    def of_array(self, values: np.ndarray, camera: Any, where: str) -> Scene:
+        """A scene of an array without labels.
+
+        Raises:
+            DataError, ShapeError: one that does not say enough.
+        """
+        raise DataError(where, f"an array of shape {values.shape}", f"a labelled {self.kind} scene")
 
     @abstractmethod
     def parts(self, scene: Any) -> dict[str, Any]:

@@ -151,9 +151,9 @@ class _Run:
         """Every camera's files, and the report; returns the rows of the tables."""
         kinds, sections, rows = [kind for kind, one in APPLICATIONS.items() if one.demo], [], {}
         for place, kind in enumerate(kinds):
-            own, pages = self._camera(kind, place / len(kinds), 1 / len(kinds))
+            camera_rows, pages = self._camera(kind, place / len(kinds), 1 / len(kinds))
             sections += pages
-            rows[APPLICATIONS[kind].demo.key] = own  # type: ignore[union-attr]
+            rows[APPLICATIONS[kind].demo.key] = camera_rows  # type: ignore[union-attr]
         write_report(self.out / "report.html", "tmca demo: snapshot cameras", sections, overwrite=self.overwrite)
         self.tell(1.0, "done")
         return rows
@@ -219,8 +219,8 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows that are means over scenes, one for each code."""
     means: list[dict[str, Any]] = []
     for code in dict.fromkeys(row["code"] for row in rows):
-        own = [row for row in rows if row["code"] == code]
-        numbers = [name for name, value in own[0].items() if isinstance(value, float)]
-        mean = {name: sum(row[name] for row in own) / len(own) for name in numbers}
+        of_code = [row for row in rows if row["code"] == code]
+        numbers = [name for name, value in of_code[0].items() if isinstance(value, float)]
+        mean = {name: sum(row[name] for row in of_code) / len(of_code) for name in numbers}
         means.append({"code": code, "scene": "mean", **mean})
     return means

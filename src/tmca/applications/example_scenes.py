@@ -41,8 +41,8 @@ def judge_on(cubes: Sequence[Tensor], prior: GaussianPrior, window: int, error: 
     large = [cube for cube in cubes if cube.shape[1] >= SIZE[0] and cube.shape[2] >= SIZE[1]]
     if not large:
         return None
-    chosen, found = some_of(large), error or placed_error
-    return lambda camera: found(camera, prior, chosen, max(window, camera.tile_size))
+    chosen, error_of = some_of(large), error or placed_error
+    return lambda camera: error_of(camera, prior, chosen, max(window, camera.tile_size))
 
 
 def placed_error(camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int) -> float:
@@ -84,8 +84,8 @@ def _error(
     scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float()
     decoder, errors = PatchLikelihood(prior, camera, window), list[Tensor]()
     for draw, depth in enumerate(depths):
-        found = decoder(camera(scenes, depth, generator=draw), planes=False, spectrum=False)
-        errors.append((1 / found.depth - 1 / depth).abs().mean() / camera.planes.step)
+        estimate = decoder(camera(scenes, depth, generator=draw), planes=False, spectrum=False)
+        errors.append((1 / estimate.depth - 1 / depth).abs().mean() / camera.planes.step)
     return float(torch.stack(errors).mean())
 
 

@@ -45,8 +45,8 @@ def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite:
 
 
 def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
-    found = describe(path, variable, **views)
-    names = set(found.get("variables", {})) | set(found.get("coords", {}))
+    description = describe(path, variable, **views)
+    names = set(description.get("variables", {})) | set(description.get("coords", {}))
     if holds_snapshot(names):
         return snapshot_figure(Snapshot.load(path), path.name)
     if "covariance" in names or "autocovariance" in names:
@@ -57,13 +57,15 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
         from tmca.priors import PatchDictionary
 
         return PatchDictionary.load(path).figure()
-    if found["kind"] == "light field":
+    if description["kind"] == "light field":
         return _light_field(path, variable, **views)
-    if found["kind"] == "RGB-D scene":
+    if description["kind"] == "RGB-D scene":
         return _rgbd(path)
-    if found["kind"] == "spectral-depth scene" or (found["kind"] == "cube" and "pixels" in (found.get("depth") or {})):
+    if description["kind"] == "spectral-depth scene" or (
+        description["kind"] == "cube" and "pixels" in (description.get("depth") or {})
+    ):
         return _spectral_depth(path, variable)
-    if found["kind"] == "cube":
+    if description["kind"] == "cube":
         cube = read(path, variable=variable, negative="keep")
         return cube_figure(cube.values, cube["wavelength"].values.tolist(), path.name)
     values = np.squeeze(read_array(path, variable))
@@ -92,8 +94,8 @@ def _light_field(
     small = read_light_field(path, views=views, scale=scale, colour=facts["colour"], variable=variable, **how)
     centre = read_light_field(path, views=1, colour=facts["colour"], variable=variable, **how)
     truth = facts["disparity"]
-    known = truth is not None and truth["min"] is not None
-    disparity = read_disparity(path, pattern=pattern).values if known else None
+    has_truth = truth is not None and truth["min"] is not None
+    disparity = read_disparity(path, pattern=pattern).values if has_truth else None
     return light_field_views(centre.values, small.values, disparity, path.name)
 
 

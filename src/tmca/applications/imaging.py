@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,36 +12,43 @@ import torch
 from torch import Tensor
 
 from tmca.applications.base import APPLICATIONS, Application, application_of
+from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
 from tmca.cameras.motion import check_displacement
+from tmca.data.in_memory import check_light
 from tmca.decoders import Estimate
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, ShapeError
 
 if TYPE_CHECKING:
     import numpy as np
     import xarray as xr
     from matplotlib.figure import Figure
 
-    Scene = str | xr.DataArray | xr.Dataset
+    Scene = str | Path | xr.DataArray | xr.Dataset | np.ndarray | Tensor
+    Scenes = Scene | Sequence[Scene]
+else:
+    Scene = Scenes = Any
 
 NOISE_STREAM = 0x9E3779B9
 """Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
 
+@checked
 def simulate(
-    scene: Scene | Sequence[Scene],
+    scene: Scenes,
     camera: Camera,
     *,
-    seed: int = 0,
-    motion: tuple[float, float] = (0.0, 0.0),
+    seed: Seed = 0,
+    motion: Pair = (0.0, 0.0),
     hardware: Hardware | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Snapshot[Any]:
     """Take a snapshot of a scene.
 
     Args:
-        scene: of the camera's kind, as `tmca.read` gives it, or what it reads; or one scene for each slot. What the
-            camera's constructor left out, size and bands or views, is taken from it; of a larger scene the middle.
+        scene: of the camera's kind in relative irradiance, 1 = white: as `tmca.read` gives it, what it reads, or an
+            array or a tensor as the camera's scenes are; or a list of one scene for each slot. What the camera's
+            constructor left out, size and bands or views, is taken from it; of a larger scene the middle.
         camera: that takes it; the snapshot holds it, bound to the scene.
         seed: of the sensor's noise, whose stream no code shares.
         motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
@@ -50,17 +58,24 @@ def simulate(
 
     Raises:
         SettingError: faults that this camera cannot have, another number of scenes than slots, or several that move.
-        DataError: a scene that the camera cannot image.
+        DataError, ShapeError: a scene that the camera cannot image, or one with NaN, infinite or negative values.
+
+    Warns:
+        SceneWarning: a scene with values above 1.
     """
     application = application_of(camera)
-    several = list(scene) if isinstance(scene, Sequence) and not isinstance(scene, str) else [scene]
-    scenes = [application.read(one) if isinstance(one, str) else one for one in several]
+    several: Sequence[Any] = scene if isinstance(scene, list | tuple) else [scene]
+    scenes = [application.scene(one, camera) for one in several]
+    if not scenes:
+        raise SettingError("scene", "an empty list", "one scene, or one for each slot")
     camera = camera.bound_to(**application.parts(scenes[0]))
     name = str(scenes[0].attrs.get("name", ""))
     fitted = [application.fitted(one, camera, name or "scene") for one in scenes]
+    for one in fitted:
+        check_light(_light(one), name or "scene")
     faults = hardware or Hardware()
     moved = motion if any(motion) else faults.movement
-    check_displacement(moved, camera.size, "motion" if any(motion) else "hardware's motion")
+    check_displacement(moved, camera.size, "motion" if any(motion) else "hardware motion")
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {"motion_pixels": list(moved)} if any(moved) else {}
@@ -71,7 +86,13 @@ def simulate(
     return Snapshot(values, camera, notes)
 
 
-def _slots(scenes: Sequence[tuple[Tensor, ...]], camera: Camera, motion: tuple[float, float]) -> tuple[Tensor, ...]:
+def _light(scene: Any) -> xr.DataArray:
+    """The irradiance of a labelled scene."""
+    light: xr.DataArray = scene["radiance"] if hasattr(scene, "data_vars") else scene
+    return light
+
+
+def _slots(scenes: list[tuple[Tensor, ...]], camera: Camera, motion: tuple[float, float]) -> tuple[Tensor, ...]:
     """One scene, one for every slot on an axis of its own, or one that moves; and its depth."""
     if len(scenes) == 1:
         light, *depth = scenes[0]
@@ -107,24 +128,26 @@ class Evaluation:
         return self.application.figure(self.estimate.assign_attrs(decoder=name), self.camera, self.truth)
 
 
-def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene | Path, **reading: Any) -> dict[str, float]:
+def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene, **reading: Any) -> dict[str, float]:
     """Figures of merit of an estimate, against the scene that it is of.
 
     Args:
         estimate: of a decoder, its file, or what it holds.
-        truth: the scene, as `tmca.read` gives it, or what it reads: as it was read for the snapshot, where that is
-            noted; brought to the bands and size of the estimate.
+        truth: the scene, as `tmca.read` gives it, an array as the camera's scenes are, or what is read: as it was read
+            for the snapshot, where that is noted; brought to the bands and size of the estimate.
         reading: how the truth is read, see `tmca.read`.
 
     Raises:
-        DataError: a truth that is smaller than the estimate, or has fewer bands.
+        DataError, ShapeError: a truth that is smaller than the estimate, or has fewer bands, or values that are not
+            finite; an estimate of several snapshots, which are evaluated one by one.
+        SettingError: no estimate.
     """
     return evaluation_of(estimate, truth, **reading).metrics
 
 
 def evaluation_of(
     estimate: Estimate | xr.Dataset | str | Path,
-    truth: Scene | Path,
+    truth: Scene,
     application: Application | None = None,
     **reading: Any,
 ) -> Evaluation:
@@ -134,17 +157,27 @@ def evaluation_of(
         parts = {"values": estimate.values.numpy(force=True)}
         parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
     else:
+        if not isinstance(estimate, str | Path) and not hasattr(estimate, "data_vars"):
+            raise SettingError("estimate", described(estimate), "an Estimate, its to_xarray(), or its file")
         where = "estimate" if not isinstance(estimate, str | Path) else str(estimate)
         application = application or application_for(estimate)
         stored = application.stored(where, **reading) if isinstance(estimate, str | Path) else estimate
         if not {"radiance", "estimate"} & set(stored):
             raise DataError(where, f"only {', '.join(map(str, stored))}", "estimate, or radiance and depth")
         camera, parts = application.camera_of(stored, where), _parts(stored)
+    if "snapshot" in stored.dims:
+        found, remedy = f"{stored.sizes['snapshot']} snapshots", "take estimate.to_xarray().isel(snapshot=0), …"
+        raise ShapeError("estimate", found, "one", remedy)
     if isinstance(truth, str | Path):
         colours = len(parts["values"]) > 1
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
     else:
-        scene = application.fitted(truth, camera, str(truth.attrs.get("name", "truth")))
+        for name in {} if isinstance(estimate, str | Path) else reading:
+            raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")
+        labelled = application.scene(truth, camera, "truth")
+        scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
+    for where, light in (("estimate", _estimated(stored)), ("truth", _light(scene))):
+        check_light(light, where, -inf)
     return Evaluation(application, camera, stored, scene, application.metrics(parts, scene, camera))
 
 
@@ -171,9 +204,13 @@ def metric_notes(metrics: Mapping[str, float]) -> dict[str, float]:
     return {f"metric_{name}": value for name, value in metrics.items()}
 
 
+def _estimated(stored: xr.Dataset) -> xr.DataArray:
+    return stored["radiance" if "radiance" in stored else "estimate"]
+
+
 def _parts(stored: xr.Dataset) -> dict[str, np.ndarray]:
     """What an estimate is measured by: its values, snapshots or colours first, and its depth."""
-    values = stored["radiance" if "radiance" in stored else "estimate"]
+    values = _estimated(stored)
     several = "colour" in values.sizes or "snapshot" in values.sizes
     parts = {"values": values.values if several else values.values[None]}
     return parts | ({"depth": stored["depth"].values} if "depth" in stored else {})

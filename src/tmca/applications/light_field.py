@@ -100,6 +100,21 @@ class LightFieldApplication(Application):
     pictures = (".png", "_refocus.png", ".gif")
     demo = LightFieldDemo()
 
+    def labelled(self, scene: Any, where: str) -> xr.DataArray:
+        """See ``Application``."""
+        from tmca.data.in_memory import as_views
+
+        return as_views(scene, where)
+
+    def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
+        """See ``Application``; (V, U, H, W), or with three colours first."""
+        from tmca.data import label_light_field
+        from tmca.data.in_memory import of_shape
+
+        views = ("V", "U") if "views" in getattr(camera, "unbound", ()) else camera.views
+        colours = (3,) if values.ndim == 5 and len(values) == 3 else ()
+        return label_light_field(of_shape(values, (*colours, *views, "H", "W"), where))
+
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
         """See ``Application``."""
         views = (scene.sizes["view_v"], scene.sizes["view_u"])
@@ -226,9 +241,11 @@ def _reading(source: str, notes: Mapping[str, Any], given: dict[str, Any]) -> di
         return given
     compare_source(noted["source"], source)
     files = ("scale", "pattern", "lens") if same else ("scale",)
-    known = {name: noted[name] for name in files if noted.get(name) is not None}
-    known |= {"lens": tuple(known["lens"])} if "lens" in known else {}
+    snapshot_reading = {name: noted[name] for name in files if noted.get(name) is not None}
+    snapshot_reading |= {"lens": tuple(snapshot_reading["lens"])} if "lens" in snapshot_reading else {}
     for name, value in given.items():
-        if same and known.get(name, value) != value:
-            raise SettingError(name, str(value), f"{known[name]}, as the snapshot's scene was read", "leave it out")
-    return {**known, **given}
+        if same and snapshot_reading.get(name, value) != value:
+            raise SettingError(
+                name, str(value), f"{snapshot_reading[name]}, as the snapshot's scene was read", "leave it out"
+            )
+    return {**snapshot_reading, **given}

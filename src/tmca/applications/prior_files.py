@@ -32,7 +32,7 @@ def learn_to_file(
     mixture: bool = False,
     split: Path | None = None,
     bands: int | None = 12,
-    spread: int | None = None,
+    extent: int | None = None,
     like: Path | None = None,
     reading: dict[str, Any] | None = None,
     figure: Path | None = None,
@@ -56,27 +56,27 @@ def learn_to_file(
     sources = [*scenes, *(map(str, read_split(split)) if split else ())]
     if not sources:
         raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
-    if spread is not None and spread < 0:
-        raise SettingError("--spread", str(spread), "0 pixels or more")
-    wavelengths, block = (None, None) if like is None else _needed(like, mixture, spread)
+    if extent is not None and extent < 0:
+        raise SettingError("--spread", str(extent), "0 pixels or more")
+    wavelengths, block = (None, None) if like is None else _needed(like, mixture, extent)
     cubes, report = [], progress or (lambda share, step: None)
     for index, source in enumerate(sources):
         report(0.5 * index / len(sources), f"reading {source}")
         cube = load_scene(source, bands=None if wavelengths else bands, **(reading or {}))
         cubes.append(at_bands(cube, wavelengths) if wavelengths else cube)
     report(0.5, f"learning the {'mixture ' if mixture else ''}prior")
-    wide = cubes[0].sizes["wavelength"] - 1 if spread is None else spread
+    wide = cubes[0].sizes["wavelength"] - 1 if extent is None else extent
     kind = "mixture" if mixture else "gaussian"
-    prior = learn_prior(cubes, None, kind, spread=wide, block=block, seed=seed)
+    prior = learn_prior(cubes, None, kind, extent=wide, block=block, seed=seed)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)
     return prior
 
 
-def _needed(like: Path, mixture: bool, spread: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
+def _needed(like: Path, mixture: bool, extent: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
     """Wavelengths and block (rows, columns) of the prior that a snapshot's camera needs."""
-    for name, given in (("--mixture", mixture), ("--spread", spread is not None)):
+    for name, given in (("--mixture", mixture), ("--spread", extent is not None)):
         if given:
             raise SettingError(name, "given beside --like", "one of them", "leave it out")
     camera = Snapshot.load(like).camera

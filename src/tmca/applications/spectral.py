@@ -14,7 +14,7 @@ from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.cameras import SpectralCamera
 from tmca.errors import DataError
-from tmca.sensor import Sensor
+from tmca.sensor import Sensor, band_wavelengths
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -111,6 +111,21 @@ class SpectralApplication(Application):
     columns = METRICS
     truth_options = frozenset({"wavelengths", "variable", "scale", "negative"})
     demo = SpectralDemo()
+
+    def labelled(self, scene: Any, where: str) -> xr.DataArray:
+        """See ``Application``."""
+        from tmca.data.in_memory import as_cube
+
+        return as_cube(scene, where)
+
+    def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
+        """See ``Application``; bands that the camera does not know yet are spread evenly from 400 to 700 nm."""
+        from tmca.data.cubes import label
+        from tmca.data.in_memory import of_shape
+
+        unknown = "bands" in getattr(camera, "unbound", ())
+        cube = of_shape(values, ("L" if unknown else len(camera.wavelengths), "H", "W"), where)
+        return label(cube, np.array(band_wavelengths(len(cube)) if unknown else camera.wavelengths))
 
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
         """See ``Application``."""

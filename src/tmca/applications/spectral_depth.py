@@ -103,6 +103,12 @@ class SpectralDepthApplication(Application):
         """See ``Application``: bands and depth range."""
         return reading_range(camera)
 
+    def labelled(self, scene: Any, where: str) -> xr.Dataset:
+        """See ``Application``."""
+        from tmca.data.in_memory import as_depth_scene
+
+        return as_depth_scene(scene, where)
+
     def parts(self, scene: xr.Dataset) -> dict[str, Any]:
         """See ``Application``."""
         waves = scene["wavelength"].values.tolist()

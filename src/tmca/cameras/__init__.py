@@ -1,14 +1,16 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
+from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.plugins import load_cameras
 from tmca.cameras.snapshot import Snapshot, holds_snapshot
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
+from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware
 
 __all__ = [

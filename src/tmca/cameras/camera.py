@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -13,11 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.codes import Codes, MultiplexedCodes, fitted_codes
-from tmca.codes.files import TILE, Axes, code_variables, json_attribute, tensors
-from tmca.errors import DataError, SettingError, check_choice, check_shape
-from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps
-from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
+from tmca.arguments import Count, Size, checked
+from tmca.cameras.facts import Facts
+from tmca.codes.files import json_attribute
+from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
+from tmca.operators import EXPOSURES, LinearOperator, exposure_weight
+from tmca.sensor import Noise, Sensor, band_wavelengths
+from tmca.specs import CameraSpec
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,11 +26,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 CAMERAS: dict[str, type[Camera]] = {}
 """Cameras by their kind."""
-CODING = tuple(Codes.__dataclass_fields__)
-"""Parts of the description of codes, which constructors also take one by one."""
 
 
-class Camera(nn.Module, ABC):
+class Camera(Facts, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
@@ -39,9 +38,12 @@ class Camera(nn.Module, ABC):
 
     kind: ClassVar[str]  # in files and on the command line
     channel: ClassVar[str]  # what a channel of the scene is: band or view
+    Spec: ClassVar[type[CameraSpec]] = CameraSpec  # what describes one in text: options, YAML, axes of sweeps
     presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # arguments of the constructor
     decoders: ClassVar[frozenset[str]] = frozenset()  # names of those that decode it without naming its kind
     from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
+    drawn: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # arguments that only families of some parts have
+    plane_names: ClassVar[tuple[str, str]] = ("aperture", "shutter")  # what its codes are patterns of
     needed: ClassVar[tuple[str, ...]]  # variables of a file without which it makes no camera
     stated: ClassVar[tuple[str, ...]]  # attributes without which nobody knows what the variables mean
     page: ClassVar[str] = "docs/"
@@ -57,11 +59,10 @@ class Camera(nn.Module, ABC):
         camera._given = {**dict(zip(cls._arguments(), arguments, strict=False)), **named}
         return camera
 
-    def __init__(self, size: tuple[int, int], slots: int, exposure: str, sensor: nn.Module | None) -> None:
+    @checked
+    def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None) -> None:
         super().__init__()
-        if not hasattr(size, "__len__") or len(size) != 2 or min(size) < 1:
-            raise SettingError("size", str(size), "(H, W) of at least 1 pixel each")
-        self.size, self.slots = (int(size[0]), int(size[1])), slots
+        self.size, self.slots = size, slots
         check_choice("exposure", exposure, EXPOSURES)
         self.exposure = exposure
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
@@ -166,7 +167,7 @@ class Camera(nn.Module, ABC):
     @property
     def exposures(self) -> int:
         """Exposure times that are accumulated: K per slot."""
-        return self.slots if self.exposure == "per-slot" else 1
+        return round(self.slots * exposure_weight(self.exposure, self.slots))
 
     @property
     def full_scale(self) -> float:
@@ -204,12 +205,41 @@ class Camera(nn.Module, ABC):
         """The camera with other parts: arguments of its constructor, modules among them. The first stays as it is.
 
         What the parts do not describe anew (codes, sensor, response) is shared.
+
+        Raises:
+            SettingError, ShapeError: no part of it, one that does not fit the others, or one that would change nothing:
+                the seed of codes that came from a file.
         """
+        self._check_parts(parts)
+        try:
+            return self._with(parts)
+        except (SettingError, ShapeError) as error:
+            if error.where in parts or error.where not in self._arguments():
+                raise
+            raise type(error)(error.where, error.found, error.expected, f"replace {error.where} too") from error
+
+    def _check_parts(self, parts: Mapping[str, Any]) -> None:
+        described = self._described(parts)
         for name in parts:
             if name not in self._arguments():
                 raise SettingError(name, "a part", f"one of {', '.join(self._arguments())}, for a {self.kind} camera")
+            families = self.drawn.get(name, ())
+            if families and not any(isinstance(described.get(part, ""), str) for part in families):
+                found = f"{parts[name]} for {' and '.join(families)} that are given, not drawn"
+                raise SettingError(name, found, "a named family", f"replace {' or '.join(families)} too")
+
+    def _described(self, parts: Mapping[str, Any]) -> dict[str, Any]:
+        """What a camera with other parts is made of."""
+        return {**self._given, **parts}
+
+    def _outdated(self, parts: Mapping[str, Any]) -> set[str]:
+        """Arguments that mean nothing beside other parts."""
+        return set()
+
+    def _with(self, parts: Mapping[str, Any]) -> Self:
         shared = {name: part for name, part in self._shared(set(parts)).items() if name not in parts}
-        camera = type(self)(**{**self._given, **shared, **parts})
+        given = {name: part for name, part in self._given.items() if name not in self._outdated(parts)}
+        camera = type(self)(**{**given, **shared, **parts})
         described = {name: part for name, part in self._given.items() if name in shared}
         camera._given = {**{n: part for n, part in camera._given.items() if n not in shared}, **described}
         return camera
@@ -217,7 +247,7 @@ class Camera(nn.Module, ABC):
     def bound_to(self, **parts: Any) -> Self:
         """The camera with what its constructor left out (``unbound``: size, bands, views) taken from ``parts``."""
         missing = {name: value for name, value in parts.items() if name in self.unbound}
-        return self.replace(**missing) if missing else self
+        return self._with(missing) if missing else self
 
     def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
         """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W')."""
@@ -311,89 +341,3 @@ class BandCamera(Camera):
             "wavelength": ("wavelength", metres, {"units": "m"}),
             "wavelength_nm": ("wavelength", metres * 1e9, {"units": "nm"}),
         }
-
-
-class CodedCamera(Camera):
-    """A camera whose light one code per channel of the scene stands for (thesis eqs 12, 20); it holds ``response``, the
-    weight of every channel of the scene, and ``codes``."""
-
-    response: Tensor
-    codes: MultiplexedCodes
-
-    def _hold_codes(
-        self, codes: Codes | nn.Module | None, aperture: tuple[int, int], shutter: tuple[int, int], /, **coding: Any
-    ) -> None:
-        self.codes = fitted_codes(codes, self.slots, aperture, shutter, **coding)  # type: ignore[assignment]
-        described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
-        self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
-
-    @classmethod
-    def _arguments(cls) -> tuple[str, ...]:
-        return *(name for name in super()._arguments() if name != "coding"), *CODING
-
-    def _shared(self, parts: set[str]) -> dict[str, Any]:
-        """Codes of a named family are drawn anew where their description or their size changes."""
-        coding = self._given["codes"]
-        if not isinstance(coding, nn.Module):
-            families = isinstance(coding.aperture, str) and isinstance(coding.shutter, str)
-            whole_frame = families and coding.period is None
-            if self.unbound or parts & {*CODING, "slots", *(("size",) if whole_frame else ())}:
-                return super()._shared(parts)
-        return {**super()._shared(parts), "codes": self.codes}
-
-    def _hold_response(self, values: Any, where: str, shape: tuple[int, ...]) -> None:
-        values = channel_weights(where, values, shape)
-        if isinstance(values, nn.Parameter) and values.ndim == 1:
-            self.response = values
-        else:
-            self.register_buffer("response", values.flatten())
-
-    @property
-    def channels(self) -> int:
-        """Number of bands or views of the scene."""
-        return len(self.response)
-
-    @property
-    def white(self) -> float:
-        """The summed response."""
-        return float(self.response.detach().sum())
-
-    @abstractmethod
-    def code_cube(self) -> Tensor:
-        """The time-multiplexed code T̂ of every channel."""
-
-    def throughput(self) -> float:
-        """Mean of T̂ under equal exposure."""
-        with torch.no_grad():
-            return float(self.code_cube().mean()) / self.exposures
-
-    def _check_no_depth(self, depth: Tensor | None) -> None:
-        if depth is not None:
-            raise SettingError("depth", "a depth map", f"none for a {self.kind} camera")
-
-    def taps(self) -> Taps:
-        """The collapsed code with the response folded in; SettingError for optics that keep the slots apart."""
-        operator = self.operator()
-        if not isinstance(operator, TapOperator):
-            raise SettingError("relay blur", "some", "none where one code stands for all slots")
-        return operator.taps
-
-    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
-        """The operator of scenes (B, channels, height, width), dark around, behind a part of the codes."""
-        return TapOperator(self.taps().window(top, left, height, width))
-
-    def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
-        """The operator of scenes (B, K, channels, height, width) that move, where the camera has it for a part."""
-        raise SettingError("motion", "some", f"none behind a part of a {self.kind} camera")
-
-    def _planes(self, tiled: bool, aperture: Axes, shutter: Axes) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Variables of both planes on these axes, and the attribute of their period."""
-        planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
-        if tiled and period is not None:
-            planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
-        return code_variables(planes, aperture, shutter), {"period": json.dumps(period)}
-
-    @classmethod
-    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
-        planes, period = tensors(dataset, "aperture", "shutter"), json_attribute(dataset.attrs, "period", None, where)
-        return {**planes, "slots": len(planes["aperture"]), "period": None if period is None else tuple(period)}

@@ -12,7 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.codes import FAMILIES
@@ -208,7 +209,7 @@ def _middle(patterns: Tensor, plane: str, arguments: dict[str, Any], shape: dict
     """Patterns larger than the plane they are for: their middle."""
     wide = plane == ("shutter" if arguments.get("disperser", "single") == "single" else "aperture")
     count = shape["bands"] if isinstance(shape["bands"], int) else len(shape["bands"])
-    wider = Dispersion.of(arguments.get("dispersion", 1.0), count).spread if wide else 0
+    wider = Dispersion.of(arguments.get("dispersion", 1.0), count).extent if wide else 0
     rows, columns = shape["size"][0], shape["size"][1] + wider
     height, width = patterns.shape[-2:]
     if (height, width) == (rows, columns) or height < rows or width < columns:

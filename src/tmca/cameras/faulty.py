@@ -8,13 +8,15 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera, CodedCamera
+from tmca.cameras.camera import Camera
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.light_field import LightFieldCamera
+from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
+from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.errors import SettingError
-from tmca.optics import Dispersion, ViewShear, gaussian_spread
+from tmca.optics import Dispersion, ViewShear, gaussian_psf
 from tmca.optics.zernike import noll, zernike_modes
 from tmca.sensor import Sensor
 from tmca.specs.hardware import Hardware
@@ -75,7 +77,8 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Ou
     if hardware.dispersion_error:
         parts |= _dispersed(camera.dispersion, hardware.dispersion_error)
     if hardware.blur:
-        sigmas = camera.relay_blur if isinstance(camera.relay_blur, list) else [camera.relay_blur] * camera.bands
+        blurs = camera.relay_blur
+        sigmas = [blurs] * camera.bands if isinstance(blurs, float) else blurs
         parts["relay_blur"] = [(sigma**2 + hardware.blur**2) ** 0.5 for sigma in sigmas]
     if camera.coloured is not None:
         _check_coloured(hardware)
@@ -88,7 +91,7 @@ def _dispersed(dispersion: Dispersion, error: float) -> dict[str, Any]:
     """A dispersion that is stretched about its middle, on the sensor that was laid out for the right one."""
     middle = (min(dispersion.displacement) + max(dispersion.displacement)) / 2
     stretched = Dispersion(tuple(middle + (d - middle) * (1 + error) for d in dispersion.displacement))
-    ends = [(one.origin, one.origin + one.spread) for one in (dispersion, stretched)]
+    ends = [(one.origin, one.origin + one.extent) for one in (dispersion, stretched)]
     first, last = min(begin for begin, _ in ends), max(end for _, end in ends)
     wide = WideDispersion(stretched.displacement, first, last - first)
     return {"dispersion": wide, "beside": (ends[0][0] - first, last - ends[0][1])}
@@ -184,7 +187,7 @@ class FaultyCodes(nn.Module):
     ) -> None:
         super().__init__()
         self.codes, self.faults, self.hardware, self.size, self.outside = codes, shutter, hardware, size, outside
-        self.kernel = gaussian_spread(blur, 1) if blur else None
+        self.kernel = gaussian_psf(blur, 1) if blur else None
 
     @property
     def learnable(self) -> bool:
@@ -282,7 +285,7 @@ class WideDispersion(Dispersion):
         return int(self.first)  # type: ignore[attr-defined]
 
     @property
-    def spread(self) -> int:
+    def extent(self) -> int:
         """Columns that the snapshot is wider than the scene."""
         return int(self.wider)  # type: ignore[attr-defined]
 

@@ -10,12 +10,15 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import CodedCamera
+from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
+from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes
-from tmca.codes.files import json_attribute, tensors
+from tmca.codes.arrays import Array
+from tmca.codes.files import json_attribute, number_attribute, tensors
 from tmca.errors import check_shape
 from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
 from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.specs import LightFieldSpec
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -60,31 +63,34 @@ class LightFieldCamera(CodedCamera):
     """
 
     kind = "light-field"
+    Spec = LightFieldSpec
     channel = "view"
+    views: tuple[int, int]  # (V, U)
     presets = PRESETS
     from_scene = ("views", "size")
     needed = ("aperture", "shutter", "vignetting")
     stated = ("exposure", "shear", "mask_scale", "full_scale", "sensor")
     page = "docs/light-field.md"
 
+    @checked
     def __init__(
         self,
-        views: int | tuple[int, int] | None = None,
-        size: tuple[int, int] | None = None,
-        slots: int = 8,
+        views: Int | IntPair | None = None,
+        size: Size | None = None,
+        slots: Count = 8,
         *,
         codes: Codes | nn.Module | None = None,
         exposure: str = "equal",
-        shear: float | tuple[float, float] = 1.0,
-        mask_scale: float = 1.0,
-        vignetting: Tensor | Sequence[Sequence[float]] | None = None,
+        shear: Float | Pair = 1.0,
+        mask_scale: Float = 1.0,
+        vignetting: Array | Sequence[Sequence[float]] | None = None,
         sensor: nn.Module | None = None,
         **coding: Any,
     ) -> None:
         super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
-        grid = view_grid(5 if views is None else views)
-        self.shear = ViewShear(grid, shear, mask_scale)  # type: ignore[arg-type]
-        self._hold_response(torch.ones(grid) if vignetting is None else vignetting, "vignetting", grid)
+        self.views = view_grid(5 if views is None else views)
+        self.shear = ViewShear(self.views, shear, mask_scale)  # type: ignore[arg-type]
+        self._hold_response(torch.ones(self.views) if vignetting is None else vignetting, "vignetting", self.views)
         self._hold_codes(codes, self.mask_size, self.size, **coding)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
@@ -107,11 +113,6 @@ class LightFieldCamera(CodedCamera):
         """
         shear = geometry.shear(mask_pitch)
         return cls(shear.views, size, shear=shear.step, mask_scale=shear.scale, **settings)
-
-    @property
-    def views(self) -> tuple[int, int]:
-        """(V, U)."""
-        return self.shear.views
 
     @property
     def mask_size(self) -> tuple[int, int]:
@@ -179,7 +180,7 @@ class LightFieldCamera(CodedCamera):
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """A batch of three is the colours."""
-        return ("colour", "y", "x") if len(snapshots) > 1 else ("y", "x")
+        return ("colour", "y", "x") if len(snapshots) == 3 else ("y", "x")
 
     def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y_mask, x_mask), ``shutter`` (slot, y, x) and ``vignetting`` (view_v, view_u).
@@ -201,6 +202,6 @@ class LightFieldCamera(CodedCamera):
             "size": tuple(settings["shutter"].shape[-2:]),
             "views": dataset["vignetting"].shape,
             "shear": json_attribute(dataset.attrs, "shear", 1.0, where),
-            "mask_scale": float(dataset.attrs["mask_scale"]),
+            "mask_scale": number_attribute(dataset.attrs, "mask_scale", where),
             **tensors(dataset, "vignetting"),
         }

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import base64
 import io
+import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 import torch
-from torch import Tensor
+from pydantic import InstanceOf
 
+from tmca.arguments import checked, plain
 from tmca.cameras.camera import CAMERAS, Camera
 from tmca.cameras.plugins import load_cameras
-from tmca.errors import DataError
+from tmca.codes.arrays import Array
+from tmca.codes.files import json_attribute, number_attribute
+from tmca.errors import DataError, check_shape
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -23,9 +27,12 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound=Camera)
 _MEANING = {"units": "relative irradiance", "long_name": "snapshot, 1 = one channel of a white scene, everything open"}
 _WIDEST = 256
+_JSON, _SIMPLE = "json_notes", (str, int, float)
+"""Attribute that names the notes in JSON, and the types of those that are not."""
 
 
-@dataclass(repr=False)
+@checked
+@dataclass(repr=False, eq=False)
 class Snapshot(Generic[Kind]):
     """A capture and the camera that took it.
 
@@ -33,21 +40,32 @@ class Snapshot(Generic[Kind]):
         values: (B, C, H, W') snapshot, B = 1 or the three colours of a light field, in snapshot units.
         camera: with the codes of the exposure, its optics and its sensor.
         notes: what else there is to say (scene, seed, …), attributes of the file.
+
+    Raises:
+        SettingError: values that are no numbers, or no camera.
     """
 
-    values: Tensor
+    values: Array
     camera: Kind
-    notes: dict[str, Any] = field(default_factory=dict)
+    notes: InstanceOf[dict[str, Any]] = field(default_factory=dict)
 
     def to_xarray(self) -> xr.Dataset:
-        """The snapshot with the codes, optics and sensor that made it, labelled."""
-        dataset = self.camera.variables()
-        axes = self.camera.snapshot_axes(self.values)
+        """The snapshot with the codes, optics and sensor that made it, labelled.
+
+        Notes are attributes, those that files cannot hold as JSON; those named as the camera's give way.
+
+        Raises:
+            ShapeError: several snapshots, or another size than the camera's.
+        """
+        dataset, axes = self.camera.variables(), self.camera.snapshot_axes(self.values)
+        colours = 3 if "colour" in axes else 1
+        remedy = "several snapshots are saved one by one"
+        check_shape("values", self.values, (colours, *self.camera.snapshot_shape), remedy)
         values = self.values.numpy(force=True)
         dataset["snapshot"] = (axes, values.reshape(_shape(values, axes)), _MEANING)
-        if "colour" in axes:
+        if colours == 3:
             dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
-        dataset.attrs = {**self.notes, **dataset.attrs}
+        dataset.attrs = {**_stored_notes(self.notes), **dataset.attrs}
         return dataset
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -77,13 +95,13 @@ class Snapshot(Generic[Kind]):
             raise DataError(path, f"camera = {kind!r}", f"one of {', '.join(CAMERAS)}", "correct the attribute")
         _check_complete(dataset, path, CAMERAS[kind])
         camera = CAMERAS[kind].from_variables(dataset, str(path))
-        stated = float(dataset.attrs["full_scale"])
+        stated = number_attribute(dataset.attrs, "full_scale", str(path))
         if abs(stated - camera.full_scale) > 1e-3 * camera.full_scale:
             wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
             raise DataError(path, f"full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
-        attributes = camera.variables().attrs
-        return Snapshot(values, camera, {str(k): v for k, v in dataset.attrs.items() if k not in attributes})
+        notes = {str(name): value for name, value in dataset.attrs.items() if name not in camera.variables().attrs}
+        return Snapshot(values, camera, _read_notes(notes, str(path)))
 
     def plot(self) -> Figure:
         """The snapshot as a picture."""
@@ -115,6 +133,25 @@ class Snapshot(Generic[Kind]):
         return f'<figure><img src="data:image/png;base64,{picture}"/><figcaption>{text}</figcaption></figure>'
 
 
+def _stored_notes(notes: dict[str, Any]) -> dict[str, Any]:
+    """Notes as attributes; what is no text and no number as JSON, which a list of names says."""
+    from tmca.data.files import plain as in_json
+
+    values = {name: in_json(value) for name, value in notes.items()}
+    coded = [name for name, value in values.items() if isinstance(value, bool) or not isinstance(value, _SIMPLE)]
+    stored = {name: json.dumps(value, ensure_ascii=False) if name in coded else value for name, value in values.items()}
+    return {**stored, **({_JSON: json.dumps(coded)} if coded else {})}
+
+
+def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
+    coded = json_attribute(attributes, _JSON, [], where)
+    return {
+        name: json_attribute(attributes, name, None, where) if name in coded else plain(value)
+        for name, value in attributes.items()
+        if name != _JSON
+    }
+
+
 def holds_snapshot(variables: set[str]) -> bool:
     """Whether these are the variables of a snapshot file, coordinates apart."""
     return "snapshot" in variables and any(set(kind.needed) - {"wavelength"} <= variables for kind in CAMERAS.values())
@@ -137,7 +174,7 @@ def _shape(values: np.ndarray, axes: tuple[str, ...]) -> tuple[int, ...]:
     return (*((batch,) if "colour" in axes else ()), *((channels,) if "channel" in axes else ()), *frame)
 
 
-def _values(dataset: xr.Dataset, camera: Camera, where: str) -> Tensor:
+def _values(dataset: xr.Dataset, camera: Camera, where: str) -> torch.Tensor:
     """(B, C, H, W') of a file.
 
     Raises:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -11,10 +11,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from tmca.cameras.camera import BandCamera, CodedCamera
+from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked
+from tmca.cameras.camera import BandCamera
+from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes
-from tmca.codes.files import json_attribute, tensors
-from tmca.errors import DataError, SettingError, check_choice, check_shape
+from tmca.codes.arrays import Array
+from tmca.codes.files import json_attribute, number_attribute, tensors
+from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
 from tmca.operators import (
     LinearOperator,
     SensorColumns,
@@ -25,7 +28,8 @@ from tmca.operators import (
     single_disperser,
     sum_by_channel,
 )
-from tmca.optics import Dispersion, gaussian_spread
+from tmca.optics import Dispersion, gaussian_psf
+from tmca.specs import SpectralSpec
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,27 +76,29 @@ class SpectralCamera(BandCamera, CodedCamera):
     """
 
     kind = "spectral"
+    Spec = SpectralSpec
     presets = PRESETS
     needed = ("aperture", "shutter", "displacement", "response", "wavelength")
     stated = ("exposure", "disperser", "origin", "full_scale", "sensor")
     page = "docs/spectral.md"
     coloured: Tensor | None
 
+    @checked
     def __init__(
         self,
-        bands: int | Sequence[float] | None = None,
-        size: tuple[int, int] | None = None,
-        slots: int = 8,
+        bands: Int | Floats | None = None,
+        size: Size | None = None,
+        slots: Count = 8,
         *,
         codes: Codes | nn.Module | None = None,
         exposure: str = "equal",
-        dispersion: float | Sequence[float] | Dispersion = 1.0,
+        dispersion: Float | Floats | Dispersion = 1.0,
         disperser: str = "single",
-        response: Tensor | Sequence[float] | None = None,
-        relay_blur: float | list[float] = 0.0,
+        response: Array | Floats | None = None,
+        relay_blur: Float | Floats = 0.0,
         sensor: nn.Module | None = None,
-        coloured: Tensor | None = None,
-        beside: tuple[int, int] = (0, 0),
+        coloured: Array | None = None,
+        beside: IntPair = (0, 0),
         **coding: Any,
     ) -> None:
         if coloured is not None:
@@ -102,15 +108,17 @@ class SpectralCamera(BandCamera, CodedCamera):
         check_choice("disperser", disperser, DISPERSERS)
         self.disperser, self.beside = disperser, beside
         self.dispersion = Dispersion.of(dispersion, self.bands)
+        self.dispersion_extent = self.dispersion.extent
         self.relay_blur = relay_blur
-        gaussian_spread(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
+        gaussian_psf(relay_blur, self.bands)  # refuses a wrong one before anything is imaged
         if self.blurred and disperser == "dual":
             raise SettingError("disperser", "'dual' with relay blur", "'single', or no blur")
         self._hold_response(torch.ones(self.bands) if response is None else response, "response", (self.bands,))
         if coloured is not None:
             self._check_coloured(coloured)
         self.register_buffer("coloured", coloured)
-        wide = (self.size[0], self.size[1] + self.dispersion.spread - sum(beside))
+        self._check_beside()
+        wide = (self.size[0], self.size[1] + self.dispersion.extent - sum(beside))
         self._hold_codes(codes, *((self.size, wide) if disperser == "single" else (wide, self.size)), **coding)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
@@ -129,7 +137,7 @@ class SpectralCamera(BandCamera, CodedCamera):
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
         """(1, H, W'): wider than the scene behind a single disperser."""
-        wider = self.dispersion.spread - sum(self.beside) if self.disperser == "single" else 0
+        wider = self.dispersion.extent - sum(self.beside) if self.disperser == "single" else 0
         return (1, self.size[0], self.size[1] + wider)
 
     @property
@@ -180,7 +188,9 @@ class SpectralCamera(BandCamera, CodedCamera):
             columns = origin + np.arange(self.snapshot_shape[2])
             coordinates["x_sensor"] = ("x_sensor", columns, {"units": "pixel", "long_name": "scene column"})
         optics = {"disperser": self.disperser, "dispersion_axis": "x", "origin": origin}
-        return parts, coordinates, {**attributes, **optics, "relay_blur": json.dumps(self.relay_blur)}
+        optics |= {"relay_blur": json.dumps(self.relay_blur)}
+        optics |= {"beside": json.dumps(self.beside)} if any(self.beside) else {}
+        return parts, coordinates, {**attributes, **optics}
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
@@ -197,6 +207,7 @@ class SpectralCamera(BandCamera, CodedCamera):
             "disperser": dataset.attrs["disperser"],
             "response": tensors(dataset, "response")["response"],
             "relay_blur": json_attribute(dataset.attrs, "relay_blur", 0.0, where),
+            "beside": json_attribute(dataset.attrs, "beside", (0, 0), where),
         }
 
     @classmethod
@@ -205,16 +216,16 @@ class SpectralCamera(BandCamera, CodedCamera):
         if (axis := dataset.attrs.get("dispersion_axis", "x")) != "x":
             raise DataError(where, f"dispersion_axis = {axis!r}", "x", "correct the attribute")
         camera = super().from_variables(dataset, where, **changes)
-        for value in (dataset.attrs["origin"], *dataset.coords.get("x_sensor", [])[:1]):
+        for value in (number_attribute(dataset.attrs, "origin", where), *dataset.coords.get("x_sensor", [])[:1]):
             if value != camera._origin:
                 remedy = "correct the displacement or the origin (and x_sensor)"
-                raise DataError(where, f"origin {int(value)}", f"{camera._origin} from the displacement", remedy)
+                raise DataError(where, f"origin {float(value):g}", f"{camera._origin} from the displacement", remedy)
         return camera
 
     @property
     def _origin(self) -> int:
         """Scene column on which sensor column 0 lies; a dual disperser displaces nothing on the sensor."""
-        return self.dispersion.origin if self.disperser == "single" else 0
+        return self.dispersion.origin + self.beside[0] if self.disperser == "single" else 0
 
     def _collapsed(self) -> TapOperator:
         if self.coloured is not None:
@@ -236,10 +247,15 @@ class SpectralCamera(BandCamera, CodedCamera):
             raise SettingError("disperser", other, "'single' and binary codes for relay blur or a moving scene")
         top, left, height, width = part or (0, 0, *self.size)
         aperture, shutter = (plane[:, top : top + height, left:] for plane in self._wide_codes())
-        planes = aperture[..., :width], shutter[..., : width + self.dispersion.spread]
-        blur = gaussian_spread(self.relay_blur, self.bands).to(self.response) if self.blurred else None
+        planes = aperture[..., :width], shutter[..., : width + self.dispersion.extent]
+        blur = gaussian_psf(self.relay_blur, self.bands).to(self.response) if self.blurred else None
         slotwise = SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, blur, moving)
         return self._on_sensor(slotwise)
+
+    def _check_beside(self) -> None:
+        wide = self.dispersion.extent + self.size[1] - 1 if self.disperser == "single" else 0
+        for columns in (min(self.beside), sum(self.beside)):
+            check_range("beside", columns, 0, wide, unit="columns")
 
     def _check_coloured(self, code: Tensor) -> None:
         check_shape("coloured", code, (self.bands, *self.size))

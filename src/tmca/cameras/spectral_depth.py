@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import torch
 from torch import Tensor, nn
 
+from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.cameras.camera import BandCamera
+from tmca.cameras.phase_parts import PhaseCodes, mask_maps, shutter_plane
 from tmca.cameras.sensor_tiles import exposed_in_tiles
-from tmca.codes import CodePlane, balanced_choice, one_hot_planes
+from tmca.codes.arrays import Array
 from tmca.codes.files import TILE, compact, json_attribute, tensors
-from tmca.errors import SettingError, check_choice, check_shape
+from tmca.errors import SettingError, check_choice
 from tmca.operators.spectral_depth import (
     LayeredOperator,
     check_pixel,
@@ -25,17 +27,15 @@ from tmca.operators.spectral_depth import (
 from tmca.optics import (
     MODES,
     DepthPlanes,
-    FreeForm,
     HeightMaps,
     PhaseMaskBench,
-    PointSpread,
     Stroke,
     changed_bench,
     family_parameters,
-    mask_heights,
     restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
+from tmca.specs import SpectralDepthSpec
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -76,27 +76,6 @@ PRESETS: dict[str, dict[str, Any]] = {
     "quick": {**_THESIS, **_QUICK},
     "quick-diffractive": {**_THESIS, **_QUICK, **_MASK_ONLY},
 }
-
-
-class PhaseCodes(nn.Module):
-    """Height maps and shutter patterns of one exposure: what a spectral-depth camera shows.
-
-    Args:
-        optics: the point spread functions of the height maps, which are among their parts.
-        shutter: (K, H, W) patterns.
-    """
-
-    if TYPE_CHECKING:
-
-        def __call__(self) -> tuple[Tensor, Tensor]: ...
-
-    def __init__(self, optics: PointSpread, shutter: nn.Module) -> None:
-        super().__init__()
-        self.optics, self.shutter = optics, shutter
-
-    def forward(self) -> tuple[Tensor, Tensor]:
-        """(height maps (K, Hm, Wm) in metres, shutter (K, H, W))."""
-        return self.optics.heights(), self.shutter()
 
 
 class SpectralDepthCamera(BandCamera):
@@ -142,61 +121,87 @@ class SpectralDepthCamera(BandCamera):
     """
 
     kind = "spectral-depth"
+    Spec = SpectralDepthSpec
+    drawn: ClassVar = {"rms": ("mask",), "modes": ("mask",), "seed": ("mask", "shutter", "filters")}
     presets = PRESETS
+    plane_names = ("heights", "shutter")
     needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
     stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
     page = "docs/spectral-depth.md"
     response: Tensor
 
+    @checked
     def __init__(
         self,
-        bands: int | Sequence[float] | None = None,
-        size: tuple[int, int] | None = None,
-        slots: int = 4,
+        bands: Int | Floats | None = None,
+        size: Size | None = None,
+        slots: Count = 4,
         *,
-        depth: tuple[float, float] = (0.4, 2.0),
-        planes: int = 8,
+        depth: Pair = (0.4, 2.0),
+        planes: Int = 8,
         bench: PhaseMaskBench | None = None,
-        mask: str | Tensor | HeightMaps = "zernike",
-        rms: float = 0.1e-6,
-        modes: int = MODES,
+        mask: str | Array | HeightMaps = "zernike",
+        rms: Float = 0.1e-6,
+        modes: Int = MODES,
         stroke: Stroke | None = None,
-        shutter: str | Tensor | nn.Module = "one-hot",
-        filters: str | Tensor | ColourCodedAperture = "clear",
-        cells: Tensor | None = None,
-        period: int = 4,
-        channels: str | Tensor = "monochrome",
+        shutter: str | Array | nn.Module = "one-hot",
+        filters: str | Array | ColourCodedAperture = "clear",
+        cells: Array | None = None,
+        period: Count = 4,
+        channels: str | Array = "monochrome",
         exposure: str = "equal",
         energy: str = "unit",
         image_formation: str = "linear",
         sensor: nn.Module | None = None,
-        seed: int = 0,
-        learnable: bool | str | Collection[str] = False,
+        seed: Seed = 0,
+        learnable: bool | Names = False,
         codes: PhaseCodes | None = None,
     ) -> None:
         super().__init__((96, 96) if size is None else size, slots, exposure, sensor)
-        named = (learnable,) if isinstance(learnable, bool | str) else tuple(learnable)
+        named = (learnable,) if isinstance(learnable, bool) else learnable
         for part in named:
             check_choice("learnable", part, (True, False, *LEARNABLE))
         learned = LEARNABLE if True in named else named
         self._hold_bands(8 if bands is None else bands)
-        self.planes = DepthPlanes(float(depth[0]), float(depth[1]), planes)
-        self.bench, self.period = bench or PhaseMaskBench(), int(period)
-        check_choice("image formation", image_formation, IMAGE_FORMATIONS)
+        self.planes = DepthPlanes(*depth, planes)
+        self.bench, self.period = bench or PhaseMaskBench(), period
+        self.psf_window = self.bench.window
+        check_choice("image_formation", image_formation, IMAGE_FORMATIONS)
         self.image_formation = image_formation
         self.register_buffer("response", channel_response(channels, self.wavelengths))
         if codes is None:
             drawn: dict[str, Any] = {"rms": rms, "modes": modes, "seed": seed, "stroke": stroke}
-            heights = _mask_maps(mask, slots, self.bench, learnable="mask" in learned, **drawn)
+            heights = mask_maps(mask, slots, self.bench, learnable="mask" in learned, **drawn)
             optics = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.point_spread = optics if codes is None else codes.optics
         given = shutter if codes is None else codes.shutter
-        self.shutter = _shutter_plane(given, slots, self.size, self.period, seed, "shutter" in learned)
+        self.shutter = shutter_plane(given, slots, self.size, self.period, seed, "shutter" in learned)
         self.filters = ColourCodedAperture.of(
             filters, self.wavelengths, self.size, self.period, cells, seed, learnable="filters" in learned
         )
         if "filters" in named and len(self.filters.filters) == 1:
             raise SettingError("learnable", "filters, of which there is one", "two filters or more, such as gaussian")
+
+    def _check_parts(self, parts: Mapping[str, Any]) -> None:
+        super()._check_parts(parts)
+        if self._given.get("codes") is not None and "codes" not in parts:
+            for name in ("mask", "stroke", "shutter"):
+                if name in parts:
+                    raise SettingError(name, "a part of codes that are a module", "codes as a whole", "replace codes")
+
+    def _described(self, parts: Mapping[str, Any]) -> dict[str, Any]:
+        made, stale = super()._described(parts), self._outdated(parts)
+        codes, filters = made.get("codes"), made.get("filters")
+        shown = {} if codes is None else {"mask": codes, "shutter": codes}
+        drawn = not isinstance(filters, nn.Module) and (made.get("cells") is None or "cells" in stale)
+        return {**made, **shown, "filters": "drawn" if drawn else filters}
+
+    def _outdated(self, parts: Mapping[str, Any]) -> set[str]:
+        """Cells count the filters that they were drawn for."""
+        filters = parts.get("filters")
+        named = isinstance(filters, str | nn.Module)
+        table = not named and filters is not None and len(filters) == len(self.filters.filters)
+        return set() if filters is None or table or "cells" in parts else {"cells"}
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
         """Optics, shutter and filters are made anew where what describes them changes."""
@@ -367,32 +372,3 @@ def _required(depth: Tensor | None) -> Tensor:
     if depth is None:
         raise SettingError("depth", "none", "a depth map (B, 1, H, W) in metres, for a spectral-depth camera")
     return depth
-
-
-def _mask_maps(
-    mask: str | Tensor | HeightMaps, slots: int, bench: PhaseMaskBench, *, learnable: bool, **drawn: Any
-) -> HeightMaps:
-    """Height maps of K slots on a bench: of a family, drawn, or those that are given."""
-    if isinstance(mask, str):
-        return mask_heights(mask, slots, bench, learnable=learnable, **drawn)
-    maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, drawn["stroke"], learnable=learnable)
-    if learnable and not list(maps.parameters()):
-        maps = maps.repeated(slots, learnable=True)
-    check_shape("mask", maps(), (slots, *bench.mask_size))
-    return maps
-
-
-def _shutter_plane(
-    shutter: str | Tensor | nn.Module, slots: int, size: tuple[int, int], period: int, seed: int, learnable: bool
-) -> CodePlane:
-    """K shutter patterns on a sensor (H, W), tiled unless they are given for all of it."""
-    if isinstance(shutter, nn.Module):
-        return shutter.resized(size) if isinstance(shutter, CodePlane) else shutter  # type: ignore[return-value]
-    tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
-    plane = CodePlane(shutter, slots, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
-    if isinstance(shutter, str) and shutter == "one-hot":
-        if slots > period**2:
-            expected = f"at most {period**2}, the pixels of its period"
-            raise SettingError("slots", f"{slots} with a one-hot shutter", expected, "take a longer period")
-        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own_seed), slots))
-    return plane

@@ -79,8 +79,8 @@ def _in_options(error: TmcaError, tokens: list[str]) -> str:
     option = f"--{field.replace('_', '-')}"
     command = app.parse_commands(tokens)[1][-1]
     options = {name for argument in command.assemble_argument_collection() for name in argument.names}
-    known = error.where.isprintable() and option in options
-    return f"{option}{space}{rest}{str(error)[len(error.where) :]}" if known else str(error)
+    has_option = error.where.isprintable() and option in options
+    return f"{option}{space}{rest}{str(error)[len(error.where) :]}" if has_option else str(error)
 
 
 def _lines_once() -> Callable[..., None]:

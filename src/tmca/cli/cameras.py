@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import Group, Parameter
 
 from tmca.errors import SettingError
-from tmca.specs import LIMITS, CameraSpec, SensorSpec, Spec, SpectralDepthSpec
+from tmca.specs import LIMITS, CameraSpec, SensorSpec, Spec
 
 
 def group(title: str, order: int, negative: str = "") -> Parameter:
@@ -18,7 +18,7 @@ def group(title: str, order: int, negative: str = "") -> Parameter:
 
 CAMERA, READING, BENCH = group("Camera", 1), group("Reading the scene", 2), group("Bench", 4, "no-")
 SENSOR = group("Sensor", 3)
-_FAULTS = f"""Faults that the decoder is not told of, NAME=VALUE,… or a YAML file of them: {", ".join(LIMITS)}
+_FAULTS = f"""Faults that the decoder does not know, NAME=VALUE,… or a YAML file of them: {", ".join(LIMITS)}
 (docs/hardware.md); ROWS:COLUMNS where there are two."""
 Faults = Annotated[str | None, Parameter(group=Group("Hardware", sort_key=5), help=_FAULTS)]
 _WITH_WEIGHTS = ("seed", "slots", "weights", "codes")
@@ -31,7 +31,7 @@ def camera_for(spec: CameraSpec, sensor: SensorSpec, bench: Spec | None = None, 
         SettingError: no camera, or weights with something beside them that says the same.
         DataError: a file that cannot be used.
     """
-    weights, option = _weights_of(spec)
+    weights, option = spec.learned()
     if weights is None:
         from tmca.cameras import camera_of
 
@@ -43,28 +43,20 @@ def camera_for(spec: CameraSpec, sensor: SensorSpec, bench: Spec | None = None, 
     return _learned(weights, option, spec, sensor, shape)
 
 
-def _weights_of(spec: CameraSpec) -> tuple[str | None, str]:
-    """Weights, and the option that names them."""
-    if isinstance(spec, SpectralDepthSpec):
-        codes = spec.codes
-        return (None if codes is None or codes.suffix == ".nc" else str(codes)), "codes"
-    return getattr(spec, "weights", None), "weights"
-
-
 def _learned(name: str, option: str, spec: CameraSpec, sensor: SensorSpec, shape: dict[str, Any]) -> Any:
     from tmca.decoders import Weights
     from tmca.decoders.nets.weights import same_bands
     from tmca.sensor import Sensor
 
     slots = getattr(spec, "slots", None) if spec.has("slots") else None
-    weights = Weights.find(name, slots or 8) if spec.kind == "spectral" else Weights.load(name)
+    weights = Weights.find(name, slots or 8)
     weights.check_kind(spec.kind)
     if slots not in (None, weights.slots):
         raise SettingError("slots", f"{slots}", f"{weights.slots}, as these weights have", "leave it out")
-    own = shape.get("bands")
-    if own is not None and not same_bands(weights.wavelengths, own):
+    bands = shape.get("bands")
+    if bands is not None and not same_bands(weights.wavelengths, bands):
         found = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
-        raise SettingError(option, found, f"the scene's {len(own)}, {own[0] * 1e9:.4g} nm and on")
+        raise SettingError(option, found, f"the scene's {len(bands)}, {bands[0] * 1e9:.4g} nm and on")
     return weights.camera_for(shape["size"], sensor=Sensor(**sensor.model_dump()))
 
 

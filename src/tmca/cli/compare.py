@@ -163,4 +163,4 @@ def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) 
     study = read_study(camera)
     reading = {**study.reading, **changes.pop("reading", {})}
     found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())
-    print(json.dumps(found, indent=1) if grid.json else (out / f"{study.name}.md").read_text())
+    print(json.dumps(found, indent=1) if grid.json else (out / f"{study.name}.md").read_text().rstrip())

@@ -300,5 +300,5 @@ def _weights(text: str | None) -> Any:
 
     if text is None or text == "balanced":
         return text
-    found = numbers(text, "--weights")
-    return found if isinstance(found, list) else [found]
+    values = numbers(text, "--weights")
+    return values if isinstance(values, list) else [values]

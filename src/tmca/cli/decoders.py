@@ -6,8 +6,9 @@ import json as jsons
 from typing import Any
 
 
-def table() -> list[dict[str, Any]]:
-    """A row for every decoder: name, label, cameras, prior, uncertainty, settings."""
+def table(plugins: bool = True) -> list[dict[str, Any]]:
+    """A row for every decoder: name, label, cameras, prior, uncertainty, settings; those of this package alone without
+    ``plugins``."""
     from tmca.decoders import decoders, settings_of
 
     return [
@@ -20,12 +21,13 @@ def table() -> list[dict[str, Any]]:
             ],
         }
         for name, cls in sorted(decoders().items())
+        if plugins or cls.__module__.startswith("tmca.")
     ]  # fmt: skip
 
 
-def markdown() -> str:
+def markdown(plugins: bool = True) -> str:
     """The table as a page: every decoder, then what its settings mean."""
-    rows = table()
+    rows = table(plugins)
     lines = ["| decoder | as tables show it | cameras | prior | uncertainty | settings |", "|---|---|---|---|---|---|"]
     for row in rows:
         names = ", ".join(f"`{setting['name']}`" for setting in row["settings"])

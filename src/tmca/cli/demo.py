@@ -40,11 +40,11 @@ def demo(
     from tmca.evaluation.tables import markdown_table
 
     with progress_bar("demo") as progress:
-        found = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
+        results = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(results, indent=1))
         return
     for kind, application in APPLICATIONS.items():
         if application.demo is not None:
-            print(f"A {kind} camera:\n\n" + markdown_table(found[application.demo.key], demo_columns(kind)))
-    print(f"{found['seconds']:.0f} s; open {found['report']}")
+            print(f"A {kind} camera:\n\n" + markdown_table(results[application.demo.key], demo_columns(kind)))
+    print(f"{results['seconds']:.0f} s; open {results['report']}")

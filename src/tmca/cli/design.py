@@ -140,8 +140,8 @@ def spectral_depth(
     how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
     how |= {"bench": bench.arguments(), "overwrite": overwrite, "command": ["tmca", *sys.argv[1:]]}
     with progress_bar(f"design {out.name}") as progress:
-        _, found = design_spectral_depth(_sheet(sensor, sheet), out, scenes=scenes, progress=progress, **how)
-    _say(found, found["designs"], COLUMNS, out, json)
+        _, report = design_spectral_depth(_sheet(sensor, sheet), out, scenes=scenes, progress=progress, **how)
+    _say(report, report["designs"], COLUMNS, out, json)
 
 
 def _search_codes(
@@ -160,11 +160,11 @@ def _search_codes(
 
     how = {**search.model_dump(), "kinds": list(search.kinds), "overwrite": overwrite, **about}
     with progress_bar(f"design {out.name}") as progress:
-        _, found = design(
+        _, report = design(
             _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how
         )
-    rows = [found["static"], *([found["chosen"]] if found["chosen"] else []), *found["surveyed"]]
-    _say(found, rows, COLUMNS, out, json)
+    rows = [report["static"], *([report["chosen"]] if report["chosen"] else []), *report["surveyed"]]
+    _say(report, rows, COLUMNS, out, json)
 
 
 def _named(scenes: tuple[str, ...], split: Path | None) -> list[str]:
@@ -197,15 +197,15 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
     return SensorSheet(**{**described.given(), **options.given()})
 
 
-def _say(found: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
+def _say(report: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
     from tmca.evaluation.tables import markdown_table
 
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(report, indent=1))
         return
     print(markdown_table(rows, columns))
-    print(f"{found['advice']}\nopen {out / 'design.html'}")
+    print(f"{report['advice']}\nopen {out / 'design.html'}")
 
 
 @app.command
@@ -239,19 +239,21 @@ def judge(
     from tmca.reports.judged import judge_codes
 
     check_figure(figure, overwrite, codes)
-    known = _sheet(sensor, sheet) if sensor is not None or sheet.given() else None
+    data_sheet = _sheet(sensor, sheet) if sensor is not None or sheet.given() else None
     camera = _optics(dispersion, disperser)
-    found = judge_codes(codes, bands=bands, prior=prior, sheet=known, camera=camera, figure=figure, overwrite=overwrite)
+    figures = judge_codes(
+        codes, bands=bands, prior=prior, sheet=data_sheet, camera=camera, figure=figure, overwrite=overwrite
+    )
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(figures, indent=1))
         return
-    values = found["singular_values"]
+    values = figures["singular_values"]
     seen = sum(value > 1e-3 * values[0] for value in values)
-    print(f"{codes}: {found['camera']} camera, K = {found['slots']}, {found['channels']} channels")
+    print(f"{codes}: {figures['camera']} camera, K = {figures['slots']}, {figures['channels']} channels")
     for name in ("throughput", "contrast", "likeness", "coherence", "expected_psnr"):
-        if name in found:
-            print(f"  {name:24s} {found[name]:.4f}")
-    print(f"  {'levels':24s} {len(found['levels'])}")
+        if name in figures:
+            print(f"  {name:24s} {figures[name]:.4f}")
+    print(f"  {'levels':24s} {len(figures['levels'])}")
     print(f"  {'singular values':24s} {values[0]:.3g} down to {values[-1]:.3g}, {seen} above a thousandth of the first")
 
 
@@ -298,9 +300,9 @@ def study(
 
     tile = size(period, "--period") or (16, 24)
     examples, scenes, checked = (_named((), split) for split in (train, test, validation))
-    found = study_module("codes.study").study_codes(
+    results = study_module("codes.study").study_codes(
         examples, scenes, out, work, bands=bands, slots=whole_numbers(slots, "--slots"), period=tile,
         test_slots=test_slots, validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite,
         progress=cell_done, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
-    print(json_module.dumps(found, indent=1) if json else (out / "codes.md").read_text())
+    print(json_module.dumps(results, indent=1) if json else (out / "codes.md").read_text())

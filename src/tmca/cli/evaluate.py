@@ -9,10 +9,9 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import check_figure
-from tmca.cli.options.scenes import assumed
+from tmca.cli.options.output import assumed, check_figure
 from tmca.errors import SettingError
-from tmca.specs import TruthReading
+from tmca.specs import CAMERA_SPECS, TruthReading
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthReading()
@@ -51,15 +50,15 @@ def evaluate(
     application = application_for(estimate)
     evaluation = evaluation_of(estimate, truth, application, **reading.of(application.kind))
     assumed(evaluation.truth)
-    found = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
+    metrics = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
     if figure is not None:
         save_figure(evaluation.figure(estimate.stem), figure, overwrite=overwrite)
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(metrics, indent=1))
         return
-    for name, value in found.items():
+    for name, value in metrics.items():
         print(f"{name:6s} {value:.4f}")
 
 
-for _camera in ("spectral", "light-field", "spectral-depth"):
+for _camera in CAMERA_SPECS:
     app.command(evaluate, name=_camera, help=f"The same, for the {_camera} camera.")

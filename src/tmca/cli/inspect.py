@@ -38,55 +38,57 @@ def inspect(
     from tmca.data import describe
 
     check_figure(figure, overwrite, file)
-    found = describe(file, variable, **reading.given())
+    description = describe(file, variable, **reading.given())
     if conditioning:
         from tmca.cameras import Snapshot
         from tmca.design.corner import corner_conditioning
 
-        found["matrix"] = corner_conditioning(Snapshot.load(file).camera)
+        description["matrix"] = corner_conditioning(Snapshot.load(file).camera)
     if figure is not None:
         from tmca.applications.file_pictures import picture_of
 
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
-        found["figure"] = str(figure)
+        description["figure"] = str(figure)
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(description, indent=1))
         return
-    for line in _lines(found):
+    for line in _lines(description):
         print(line)
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
+def _lines(description: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
-    prior = str(found.get("attrs", {}).get("format", "")).startswith("tmca prior")
-    captured = {"snapshot", "aperture", "shutter"} <= found.get("variables", {}).keys()
-    about = str(found.get("attrs", {}).get("kind", ""))
-    kind = "snapshot" if captured else f"{about} prior of scene blocks".strip() if prior else about or found["kind"]
-    lines = [f"{found['path']}: {kind} ({found['format']})"]
-    for name, variable in found.get("variables", {}).items():
+    prior = str(description.get("attrs", {}).get("format", "")).startswith("tmca prior")
+    captured = {"snapshot", "aperture", "shutter"} <= description.get("variables", {}).keys()
+    about = str(description.get("attrs", {}).get("kind", ""))
+    kind = (
+        "snapshot" if captured else f"{about} prior of scene blocks".strip() if prior else about or description["kind"]
+    )
+    lines = [f"{description['path']}: {kind} ({description['format']})"]
+    for name, variable in description.get("variables", {}).items():
         size = " × ".join(map(str, variable["shape"])) or "one value"
         dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
         units = f", {variable['attrs']['units']}" if variable.get("attrs", {}).get("units") else ""
         lines.append(f"  {name}: {size}{dims} {variable['dtype']}{_levels(variable)}{units}")
-    waves = found.get("wavelengths")
+    waves = description.get("wavelengths")
     if waves:
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
-    if found.get("light_field"):
-        lines += _light_field(found["light_field"])
-    if found.get("depth"):
-        lines.append(_depth(found["depth"]))
-    if "matrix" in found:
-        corner = found["matrix"]
+    if description.get("light_field"):
+        lines += _light_field(description["light_field"])
+    if description.get("depth"):
+        lines.append(_depth(description["depth"]))
+    if "matrix" in description:
+        corner = description["matrix"]
         lines.append(
             f"  matrix of the first {corner['rows']} × {corner['columns']} scene pixels: {corner['shape'][0]} × "
             f"{corner['shape'][1]}, rank {corner['rank']}, condition number {corner['condition']:.4g}, coherence "
             f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
         )
     for key in ("scale", "note", "figure"):
-        if found.get(key) is not None and not (key == "note" and (captured or prior or about)):
-            lines.append(f"  {key}: {found[key]}")
-    return lines + [f"  {key}: {value}" for key, value in found.get("attrs", {}).items()]
+        if description.get(key) is not None and not (key == "note" and (captured or prior or about)):
+            lines.append(f"  {key}: {description[key]}")
+    return lines + [f"  {key}: {value}" for key, value in description.get("attrs", {}).items()]
 
 
 def _light_field(about: dict[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ import json as json_module
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.cameras import CAMERA, READING, SENSOR
 from tmca.cli.options.numbers import MaybeWhole, Whole
@@ -26,7 +26,7 @@ def learn(
     split: Path | None = None,
     bands: Whole = 12,
     all_bands: bool = False,
-    spread: MaybeWhole = None,
+    extent: Annotated[MaybeWhole, Parameter(name="--spread")] = None,
     like: Path | None = None,
     reading: Annotated[CubeReading, READING] = _CUBE,
     figure: Path | None = None,
@@ -42,7 +42,7 @@ def learn(
         split: a split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the files instead.
-        spread: pixels between the first and the last band on the sensor; one per band without it.
+        extent: pixels between the first and the last band on the sensor; one per band without it.
         like: snapshot of the spectral-depth camera, for whose bands and point spread functions the prior is.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
@@ -59,7 +59,7 @@ def learn(
             mixture=mixture,
             split=split,
             bands=None if all_bands else bands,
-            spread=spread,
+            extent=extent,
             like=like,
             reading=reading.given(),
             seed=seed,
@@ -107,11 +107,11 @@ def learn_views(
         raise SettingError("prior learn-views", "--dictionary and --mixture", "one of them", "leave one out")
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
     with progress_bar(f"prior {out.name}") as progress:
-        found = learn_views_to_file(
+        learned = learn_views_to_file(
             light_fields, out, split=split, views=reading.views, reading=Reading(**reading.files()), kind=kind,
             atoms=atoms, seed=seed, figure=figure, overwrite=overwrite, progress=progress,
         )  # fmt: skip
-    channels, rows, columns = found.block
+    channels, rows, columns = learned.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
     print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")
 
@@ -147,8 +147,8 @@ def expect(
     """
     from tmca.applications.prior_files import expected
 
-    found = expected(prior, camera, sensor)
+    expectation = expected(prior, camera, sensor)
     if json:
-        print(json_module.dumps(found, indent=1))
+        print(json_module.dumps(expectation, indent=1))
         return
-    print(f"expected PSNR {found['expected_psnr']:.2f} dB; light throughput {found['throughput']:.1%}")
+    print(f"expected PSNR {expectation['expected_psnr']:.2f} dB; light throughput {expectation['throughput']:.1%}")

@@ -10,13 +10,13 @@ from contextlib import contextmanager
 _EVERY = 10.0
 """Seconds between two lines where nobody watches."""
 
-Told = Callable[..., None]
+Report = Callable[..., None]
 """Takes the share that is done, 0 to 1 (None: preparations, which tell nothing of the time left), and optionally
 what is done next and figures that change all the time."""
 
 
 @contextmanager
-def progress_bar(label: str) -> Iterator[Told]:
+def progress_bar(label: str) -> Iterator[Report]:
     """A bar with an ETA; where nobody watches, a line for each step and every ten seconds."""
     if not sys.stderr.isatty():
         yield _Lines(label)

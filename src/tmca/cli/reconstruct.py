@@ -13,7 +13,7 @@ from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
-from tmca.specs import TruthReading
+from tmca.specs import CAMERA_SPECS, TruthReading
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _READING = OutputOptions(), TruthReading()
@@ -50,7 +50,7 @@ def reconstruct(
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
-            then kept).
+            then cached).
         set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Snapshots
             in digital numbers need one.
@@ -71,26 +71,26 @@ def reconstruct(
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
     settings = _given(decoder, camera.kind, how) | _settings(decoder, camera.kind, set_ or [])
-    known = _prior(decoder, camera.kind, prior, dictionary)
+    prior_file = _prior(decoder, camera.kind, prior, dictionary)
     asked = reading.of(application.kind)
     check_targets(estimate_files(target, camera.kind, output.figures), output.overwrite, snapshot)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        found = decode(taken, decoder, prior=known, progress=progress, **settings)
-    metrics = {} if scene is None else evaluate(found, scene)
-    found.notes |= metric_notes(metrics)
-    written = [found.save(target, overwrite=output.overwrite)]
+        estimate = decode(taken, decoder, prior=prior_file, progress=progress, **settings)
+    metrics = {} if scene is None else evaluate(estimate, scene)
+    estimate.notes |= metric_notes(metrics)
+    written = [estimate.save(target, overwrite=output.overwrite)]
     if output.figures:
-        written += estimate_pictures(found, target, truth=scene, snapshot=taken, overwrite=output.overwrite)
-    _say(found, metrics, target, written, output)
+        written += estimate_pictures(estimate, target, truth=scene, snapshot=taken, overwrite=output.overwrite)
+    _say(estimate, metrics, target, written, output)
 
 
 def _given(decoder: str, kind: str, options: dict[str, Any]) -> dict[str, Any]:
     """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
     from tmca.decoders import decoders_for
 
-    known = decoders_for(kind, moving=None)
-    predicts = decoder not in known or known[decoder].deviation
+    available = decoders_for(kind, moving=None)
+    predicts = decoder not in available or available[decoder].deviation
     return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
 
 
@@ -107,10 +107,6 @@ def _prior(decoder: str, kind: str, prior: Path | None, dictionary: Path | None)
     return dictionary
 
 
-for _camera in ("spectral", "light-field", "spectral-depth"):
-    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")
-
-
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     """Settings of a decoder from ``NAME=VALUE``."""
     from tmca.decoders import decoders_for
@@ -121,8 +117,8 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
         if not (name and equals):
             raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
-    known = decoders_for(kind, moving=None)
-    return checked_settings(known[decoder], named, texts=True) if decoder in known else dict(named)
+    available = decoders_for(kind, moving=None)
+    return checked_settings(available[decoder], named, texts=True) if decoder in available else dict(named)
 
 
 def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
@@ -139,3 +135,7 @@ def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Pat
     print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
     for name, value in metrics.items():
         print(f"  {name:8s} {value:.4g}")
+
+
+for _camera in CAMERA_SPECS:
+    app.command(reconstruct, name=_camera, help=f"The same, for the {_camera} camera.")

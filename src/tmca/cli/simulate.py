@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, Faults, camera_for, code_files
 from tmca.cli.options.numbers import Whole, pair, size
-from tmca.cli.options.output import OutputOptions, check_targets
+from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import (
@@ -64,8 +64,6 @@ def spectral(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.cli.options.scenes import assumed
-
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
@@ -99,8 +97,6 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
-    from tmca.cli.options.scenes import centre_assumed
-
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
     taken = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output, centre_assumed)
     views = list(taken[0].camera.views)
@@ -256,9 +252,9 @@ def _mapped(taken: Any) -> str:
     scale, shift = taken.notes["inverse_depth_scale"], taken.notes["inverse_depth_shift"]
     planes = taken.camera.planes
     inverse = [(1 / end - shift) / scale for end in (planes.near, planes.far)]
-    own = [1 / value if value > 1e-9 else float("inf") for value in inverse]
-    kept = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
-    return f", depths of {own[0]:.3g} to {own[1]:.3g} m mapped onto {kept}"
+    depths = [1 / value if value > 1e-9 else float("inf") for value in inverse]
+    camera_range = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
+    return f", depths of {depths[0]:.3g} to {depths[1]:.3g} m mapped onto {camera_range}"
 
 
 def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
@@ -285,7 +281,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         return
     print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
     if report["hardware"]:
-        print(f"taken with faults that decoders are not told of: {report['hardware']}")
+        print(f"taken with faults that decoders do not know: {report['hardware']}")
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
     print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")

@@ -85,5 +85,5 @@ def _say(report: dict[str, Any], json: bool) -> None:
         if name != "score":
             print(f"  {name} held out: {value:.4g}{unit} before, {best[name]:.4g}{unit} after (step {best['step']})")
     if not best["step"]:
-        print("  no step was better than the decoder as it was, which is what is kept")
+        print("  no step was better than the decoder as it was, which is what is saved")
     print(f"  {', '.join(Path(file).name for file in report['files'])} beside it")

@@ -41,6 +41,15 @@ def tensors(dataset: xr.Dataset, *names: str) -> dict[str, Tensor]:
     return {name: torch.from_numpy(np.array(dataset[name].values, dtype=np.float32)) for name in names}
 
 
+def differing(one: xr.Dataset, other: xr.Dataset) -> list[str]:
+    """Variables of one camera that another does not have, or has otherwise; heights, in metres, to a nanometre."""
+    return [str(name) for name in one.data_vars if name not in other or not _alike(one[name], other[name])]
+
+
+def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
+    return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
+
+
 def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str) -> Any:
     """An attribute that holds JSON.
 
@@ -51,6 +60,18 @@ def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str
         return json.loads(attrs[name]) if name in attrs else default
     except (TypeError, json.JSONDecodeError) as error:
         raise DataError(where, f"attribute {name} = {attrs[name]!r}", "JSON", "correct or delete it") from error
+
+
+def number_attribute(attrs: Mapping[Any, Any], name: str, where: str) -> float:
+    """An attribute that is a finite number.
+
+    Raises:
+        DataError: it is none.
+    """
+    value = np.asarray(attrs[name])
+    if value.size != 1 or value.dtype.kind not in "uif" or not np.isfinite(value).all():
+        raise DataError(where, f"attribute {name} = {attrs[name]!r}", "a finite number", "correct it")
+    return float(value.item())
 
 
 @dataclass(frozen=True)

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from torch import Tensor, nn
 
+from tmca.arguments import Count, Float, Seed, Share, checked
+from tmca.arguments import Size as Sides
+from tmca.codes.arrays import Array
 from tmca.codes.plane import CodePlane
 from tmca.errors import SettingError, ShapeError
 
 Size = tuple[int, int]
 
 
+@checked
 @dataclass(frozen=True)
 class Codes:
     """What a camera with an aperture and a shutter shows, before its size is known.
@@ -26,16 +31,19 @@ class Codes:
         seed: same seed, same codes; aperture and shutter draw from different streams.
         learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
         jitter: of the logits' distances from their threshold, see ``CodePlane``.
+
+    Raises:
+        SettingError: a value of another type, or outside its range.
     """
 
-    aperture: str | Tensor = "random"
-    shutter: str | Tensor = "random"
-    transmittance: float = 0.5
-    duty: float = 0.5
-    period: int | Size | None = None
-    seed: int = 0
+    aperture: str | Array = "random"
+    shutter: str | Array = "random"
+    transmittance: Share = 0.5
+    duty: Share = 0.5
+    period: Count | Sides | None = None
+    seed: Seed = 0
     learnable: bool | str = False
-    jitter: float = 0.0
+    jitter: Float = 0.0
 
     def planes(self, slots: int, aperture: Size, shutter: Size) -> MultiplexedCodes:
         """The codes of K slots on an aperture (H, Wa) and a sensor (H, W').
@@ -118,7 +126,7 @@ def fitted_codes(
         changes: parts of the description that are replaced.
 
     Raises:
-        SettingError: changes of codes that are there already, or an unknown part.
+        SettingError: changes of codes that are there already, an unknown part, or a module that shows nothing.
         ShapeError: tiled codes of another number of slots; codes that do not repeat, of another size.
     """
     if not isinstance(codes, nn.Module):
@@ -130,6 +138,7 @@ def fitted_codes(
         name, value = next(iter(changes.items()))
         raise SettingError(name, repr(value), "none beside codes", "leave it out, or leave codes out")
     if not isinstance(codes, MultiplexedCodes):
+        _check_shows(codes)
         return codes
     if codes.slots != slots:
         raise ShapeError("codes", f"{codes.slots} slots", f"{slots}", "give slots too, or other codes")
@@ -137,3 +146,12 @@ def fitted_codes(
     if all(plane.size == size for plane, size in sizes):
         return codes
     return MultiplexedCodes(*(plane.resized(size) for plane, size in sizes))
+
+
+def _check_shows(codes: nn.Module) -> None:
+    """Raises SettingError for a module that shows nothing without an input."""
+    try:
+        signature(codes.forward).bind()
+    except TypeError:
+        found = f"a {type(codes).__name__}, which needs an input"
+        raise SettingError("codes", found, "a module that gives (aperture, shutter)") from None

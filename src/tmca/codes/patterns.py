@@ -95,10 +95,10 @@ def pattern(family: str, slots: int, size: tuple[int, int], density: float = 0.5
     Raises:
         SettingError: unknown family, no slots, or a density outside [0, 1].
     """
-    check_choice("pattern family", family, FAMILIES)
+    check_choice("family", family, FAMILIES)
     check_range("slots", slots, 1)
     check_range("seed", seed, 0, below=2**31)
-    check_range("transmittance", density, 0, 1)
+    check_range("density", density, 0, 1)
     return FAMILIES[family](slots, size, density, seed)
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.codes.patterns import pattern
-from tmca.errors import SettingError, ShapeError, check_range
+from tmca.codes.patterns import FAMILIES, pattern
+from tmca.errors import SettingError, ShapeError, check_choice, check_range
 
 _MARGIN = 0.5
 
@@ -104,6 +104,7 @@ class CodePlane(nn.Module):
         self.family = patterns if isinstance(patterns, str) else "own"
         tile = self.period or size
         if isinstance(patterns, str):
+            check_choice(name, patterns, FAMILIES)
             values = pattern(patterns, slots, tile, density, seed)
         else:
             values = _own_patterns(patterns, slots, size, tile, name)

@@ -1,6 +1,6 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
 
-from tmca.data.cubes import Negative, label, read, read_array
+from tmca.data.cubes import Negative, label, read
 from tmca.data.depth_maps import label_depth, read_depth_map
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import describe, view_shifts
@@ -18,6 +18,7 @@ from tmca.data.files import (
     write_tiff,
 )
 from tmca.data.fitting import at_bands, fitted_depth, nearest_bands, select_bands
+from tmca.data.formats.opening import read_array
 from tmca.data.formats.stored import Contents, Stored, from_array, reads
 from tmca.data.formats.wavelengths import KNOWN_SETS, KnownSet, metres_to_nm, nm_to_metres
 from tmca.data.light_field_scenes import load_light_field

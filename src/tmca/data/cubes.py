@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.formats.arrays import QUANTITY
+from tmca.data.formats.arrays import IRRADIANCE
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import (
@@ -25,6 +25,7 @@ from tmca.data.formats.wavelengths import (
     spectral_axis,
 )
 from tmca.data.light_fields import find_light_field, load_views
+from tmca.data.pixels import refuse_not_finite, refuse_pixels
 from tmca.data.rgbd import refuse_rgbd
 from tmca.errors import DataError, SettingError, check_choice
 
@@ -75,17 +76,11 @@ def read(
         if views is not None:
             _no_bands(path, given, bands)
             return load_views(contents, views, divide_by=scale)
-        stored = find_cube(contents, variable, None if given is None else given.size)
-        sidecar = None if given is not None else read_sidecar(contents.path)
-        if given is None and sidecar is None:
-            _no_colour_picture(contents, stored)
-        axis = _axis(contents, stored, given if given is not None else sidecar)
-        metres, origin = find_wavelengths(contents, stored, axis, given, sidecar)
+        stored, axis, metres, origin = locate_cube(contents, variable, given)
         chosen = _band_indices(bands, stored.shape[axis])
         pixels = _load(stored, axis, chosen)
-        complete = pixels if bands is None else None
         check_pixels(pixels, contents.path, negative)
-        by, scaled = divisor(stored, axis, scale, complete)
+        by, scaled = divisor(stored, axis, scale, pixels if bands is None else None)
         coords = _other_coords(stored, axis)
     pixels /= np.float32(by)
     about = {
@@ -104,12 +99,6 @@ def _no_bands(path: str | Path, wavelengths: object, bands: object) -> None:
             raise SettingError(name, f"some for {path}", "none: it is a light field", "leave them out")
 
 
-def _no_colour_picture(contents: Contents, stored: Stored) -> None:
-    if contents.format == "picture" and stored.dims[-1:] == ("channel",):
-        remedy = "make up its spectra with tmca.data.spectral_from_rgb, or pass wavelengths= if its channels are bands"
-        raise DataError(contents.path, f"a picture of {stored.shape[-1]} colour channels", "a spectral cube", remedy)
-
-
 def label(
     pixels: NDArray[np.float32],
     metres: NDArray[np.float64],
@@ -122,76 +111,63 @@ def label(
     nm = metres_to_nm(metres)
     wavelength = ("wavelength", np.asarray(metres, dtype=np.float64), {"units": "m", "long_name": "wavelength"})
     in_nm = ("wavelength", nm, {"units": "nm", "long_name": "wavelength"})
-    units = {"quantity": QUANTITY, "units": "1", "long_name": QUANTITY}
     return xarray.DataArray(
         pixels,
         dims=("wavelength", "y", "x"),
         coords={"wavelength": wavelength, "wavelength_nm": in_nm, **(coords or {})},
         name="cube",
-        attrs={**units, **(attrs or {})},
+        attrs={**IRRADIANCE, **(attrs or {})},
     )
 
 
-def read_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
-    """Read one array as it is: masks, captures, codes. Axes as in `read`, values and dtype untouched.
+class Located(NamedTuple):
+    """The cube of an open file.
 
-    Args:
-        path: any file that `read` opens, or a picture.
-        variable: its name, where the file has several.
+    Attributes:
+        stored: the array.
+        axis: over wavelength.
+        metres: wavelengths, one per band.
+        origin: where they come from.
+    """
+
+    stored: Stored
+    axis: int
+    metres: NDArray[np.float64]
+    origin: str
+
+
+def locate_cube(
+    contents: Contents, variable: str | None = None, wavelengths: NDArray[np.float64] | None = None
+) -> Located:
+    """The cube of an open file with its wavelengths, nothing loaded; arguments as in `read`.
 
     Raises:
-        DataError: missing or damaged file, no such variable, or several to choose from.
+        DataError: no cube, several, no spectral axis, or not one wavelength per band.
+        SettingError: wavelengths that are not in metres.
     """
-    with open_contents(path) as contents:
-        if variable is None:
-            numeric = [s for s in contents.arrays.values() if s.numeric and s.size]
-            if len(numeric) != 1:
-                names = ", ".join(f"{s.name} {s.shape}" for s in numeric) or "nothing numeric"
-                raise DataError(path, names, "one array", "choose it with variable= (--variable)")
-            variable = numeric[0].name
-        return contents.get(variable).whole()
-
-
-def _axis(contents: Contents, stored: Stored, given: NDArray[np.float64] | None) -> int:
-    axis = spectral_axis(stored, None if given is None else given.size)
+    path = contents.path
+    sidecar = None if wavelengths is not None else read_sidecar(path)
+    listed = sidecar if wavelengths is None else wavelengths
+    count = None if listed is None else listed.size
+    stored = find_cube(contents, variable, count)
+    axis = spectral_axis(stored, count)
+    if contents.format == "picture" and listed is None:
+        remedy = "make up its spectra with tmca.data.spectral_from_rgb, or pass wavelengths= if its channels are bands"
+        raise DataError(path, f"a picture of {stored.shape[-1]} colour channels", "a spectral cube", remedy)
     if axis is None:
-        raise DataError(
-            contents.path,
-            f"{stored.name} of shape {stored.shape}, in which no axis stands out as the spectral one",
-            "one axis as long as the wavelengths",
-            "pass wavelengths= (--wavelengths)",
-        )
-    return axis
-
-
-def find_wavelengths(
-    contents: Contents,
-    stored: Stored,
-    axis: int,
-    given: NDArray[np.float64] | None,
-    sidecar: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], str]:
-    """Metres, one per band, and where they come from.
-
-    Raises:
-        DataError: there are none, or not one per band.
-    """
-    path, count = contents.path, stored.shape[axis]
-    if given is not None:
-        return from_argument(given, count, path), "argument"
+        there = f"{stored.name} of shape {stored.shape}, in which no axis stands out as the spectral one"
+        raise DataError(path, there, "one axis as long as the wavelengths", "pass wavelengths= (--wavelengths)")
+    bands, known = stored.shape[axis], find_known(stored.name, stored.shape[axis])
+    if wavelengths is not None:
+        return Located(stored, axis, from_argument(wavelengths, bands, path), "argument")
     if sidecar is not None:
-        return check(sidecar, count, path, "the sidecar file"), "sidecar"
+        return Located(stored, axis, check(sidecar, bands, path, "the sidecar file"), "sidecar")
     if stored.wavelengths is not None:
-        return check(stored.wavelengths, count, path, "the file"), "file"
-    known = find_known(stored.name, count)
+        return Located(stored, axis, check(stored.wavelengths, bands, path, "the file"), "file")
     if known is not None:
-        return nm_to_metres(known.nm), known.label
-    raise DataError(
-        path,
-        f"{count} bands without wavelengths",
-        f"{count} wavelengths",
-        f"pass wavelengths= (--wavelengths in nm), or list them in nm in {sidecar_paths(path)[0].name}",
-    )
+        return Located(stored, axis, nm_to_metres(known.nm), known.label)
+    remedy = f"pass wavelengths= (--wavelengths in nm), or list them in nm in {sidecar_paths(path)[0].name}"
+    raise DataError(path, f"{bands} bands without wavelengths", f"{bands} wavelengths", remedy)
 
 
 def _band_indices(bands: Sequence[int] | None, count: int) -> NDArray[np.int64]:
@@ -244,24 +220,9 @@ def check_pixels(cube: NDArray[np.float32], where: object, negative: Negative = 
         SettingError: an unknown ``negative``.
     """
     check_choice("negative", negative, ("error", "clip", "keep"))
-    for name, bad in (("NaN", np.isnan), ("infinite", np.isinf)):
-        _refuse(cube, bad(cube), where, name, "mask or repair them first")
+    refuse_not_finite(cube, where, ("band", "y", "x"))
     if negative == "error":
-        _refuse(
-            cube,
-            cube < 0,
-            where,
-            "negative",
-            'set them to 0 in the file, or read it with negative="clip" (--negative clip)',
-        )
+        remedy = 'set them to 0 in the file, or read it with negative="clip" (--negative clip)'
+        refuse_pixels(cube, cube < 0, where, "negative", ("band", "y", "x"), remedy)
     elif negative == "clip":
         np.maximum(cube, 0, out=cube)
-
-
-def _refuse(cube: NDArray[np.float32], bad: NDArray[np.bool_], where: object, name: str, remedy: str) -> None:
-    count = int(np.count_nonzero(bad))
-    if count:
-        band, y, x = (int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape))
-        first = f"band {band}, y {y}, x {x} ({cube[band, y, x]:g})"
-        found = f"{count} {name} pixel{'s' if count > 1 else ''}, the first at {first}"
-        raise DataError(where, found, "finite values from 0 up", remedy)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.formats.images import read_picture
 from tmca.data.formats.opening import is_picture, open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.errors import DataError, ShapeError, check_range
@@ -41,9 +40,7 @@ def label_depth(values: NDArray[Any], where: object, attrs: dict[str, Any] | Non
     """
     if values.ndim != 2 or not values.size:
         raise ShapeError(where, f"a depth map of shape {values.shape}", "(H, W)")
-    finite = np.isfinite(values)
-    kinds = np.select([values == 0, finite & (values < 0), ~finite], [1, 2, 3], 0).astype(np.int8)
-    return labelled_kinds(values, kinds, where, attrs)
+    return labelled_kinds(values, _kinds_of(values), where, attrs)
 
 
 def labelled_kinds(
@@ -56,25 +53,30 @@ def labelled_kinds(
     """
     import xarray as xr
 
-    known = kinds == 0
-    if not known.any():
+    valid = kinds == 0
+    if not valid.any():
         raise DataError(where, f"no known depth in {values.size} pixels", "some positive, finite metres")
-    about = {"units": "m", "long_name": "depth", "unknown_pixels": int(np.sum(~known))}
+    about = {"units": "m", "long_name": "depth", "unknown_pixels": int(np.sum(~valid))}
     about |= {f"unknown_{name}": int(np.sum(kinds == place)) for place, name in enumerate(UNKNOWN_KINDS, 1)}
-    depth = np.where(known, values, np.nan).astype(np.float32)
+    depth = np.where(valid, values, np.nan).astype(np.float32)
     flags = {"long_name": "why depth is unknown", "flag_meanings": " ".join(("known", *UNKNOWN_KINDS))}
-    told = {UNKNOWN: (("y", "x"), kinds, flags)} if ((kinds == 1) | (kinds == 2)).any() else {}
-    return xr.DataArray(depth, told, dims=("y", "x"), name="depth", attrs={**about, **(attrs or {})})
+    coords = {UNKNOWN: (("y", "x"), kinds, flags)} if ((kinds == 1) | (kinds == 2)).any() else {}
+    return xr.DataArray(depth, coords, dims=("y", "x"), name="depth", attrs={**about, **(attrs or {})})
 
 
 def unknown_kinds(depth: xr.DataArray) -> NDArray[np.int8]:
     """(H, W) why pixels of a labelled depth map are unknown: 0 where known, else 1 and on (``UNKNOWN_KINDS``)."""
-    values = depth.values
-    own = np.select([values == 0, values < 0, ~np.isfinite(values)], [1, 2, 3], 0).astype(np.int8)
+    kinds = _kinds_of(depth.values)
     if UNKNOWN not in depth.coords:
-        return own
-    told = depth.coords[UNKNOWN].values.astype(np.int8)
-    return np.where((own == 3) & (told > 0), told, own)
+        return kinds
+    stated = depth.coords[UNKNOWN].values.astype(np.int8)
+    return np.where((kinds == 3) & (stated > 0), stated, kinds)
+
+
+def _kinds_of(values: NDArray[Any]) -> NDArray[np.int8]:
+    return np.select([values == 0, np.isfinite(values) & (values < 0), ~np.isfinite(values)], [1, 2, 3], 0).astype(
+        np.int8
+    )
 
 
 def disparity_to_depth(
@@ -100,12 +102,12 @@ def relative_depth(disparity: NDArray[Any]) -> NDArray[np.float64]:
     Metres only in name: right up to an affine map of inverse depth, which `tmca.data.fitting` replaces.
     """
     values = np.asarray(disparity, dtype=np.float64)
-    known = np.isfinite(values)
-    if not known.any():
+    valid = np.isfinite(values)
+    if not valid.any():
         return np.full(values.shape, np.nan)
-    low, high = values[known].min(), values[known].max()
-    share = (np.where(known, values, low) - low) / (high - low) if high > low else np.full(values.shape, 0.5)
-    return np.where(known, 1 / (0.5 + 0.5 * share), np.nan)
+    low, high = values[valid].min(), values[valid].max()
+    share = (np.where(valid, values, low) - low) / (high - low) if high > low else np.full(values.shape, 0.5)
+    return np.where(valid, 1 / (0.5 + 0.5 * share), np.nan)
 
 
 def read_depth_map(path: str | Path, *, scale: float | None = None) -> xr.DataArray:
@@ -129,14 +131,9 @@ def read_depth_map(path: str | Path, *, scale: float | None = None) -> xr.DataAr
 
 def stored_metres(path: str | Path, scale: float | None = None) -> tuple[NDArray[np.float64], float]:
     """The values of a depth map in metres, none left out, and the metres per stored unit; see `read_depth_map`."""
-    path = Path(path)
-    if path.suffix.lower() == ".pfm":
-        if not path.is_file():
-            raise DataError(path, "no such file", "a depth map", "check the path")
-        return _in_metres(path, read_picture(path), None, scale)
     with open_contents(path) as contents:
         stored = find_depth(contents)
-        return _in_metres(path, upright(stored), stored.attrs.get("units"), scale)
+        return _in_metres(contents.path, upright(stored), stored.attrs.get("units"), scale)
 
 
 def find_depth(contents: Contents) -> Stored:
@@ -149,8 +146,8 @@ def find_depth(contents: Contents) -> Stored:
         return contents.get("depth")
     maps = [s for s in contents.arrays.values() if s.numeric and sum(n > 1 for n in s.shape) == 2]
     if len(maps) != 1:
-        there = ", ".join(f"{s.name} {s.shape}" for s in contents.arrays.values()) or "nothing"
-        raise DataError(contents.path, f"no depth map ({there})", "depth (y, x), or one array of two axes")
+        expected = "depth (y, x), or one array of two axes"
+        raise DataError(contents.path, f"no depth map ({contents.listing()})", expected, "name the map depth")
     return maps[0]
 
 

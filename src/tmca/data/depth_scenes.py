@@ -9,13 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.data.cubes import read
-from tmca.data.describe import describe
+from tmca.arguments import Float, Floats, Int, IntPair, checked
+from tmca.data.cubes import locate_cube, read
 from tmca.data.fitting import at_bands, fitted_depth, middle_of
-from tmca.data.rendering import rendered_names, rendered_scene
+from tmca.data.formats.opening import open_contents
+from tmca.data.light_fields import find_light_field
+from tmca.data.rendering import is_rendered, rendered_scene
 from tmca.data.rendering.pictures import Materials
+from tmca.data.rgbd import holds_rgbd, read_rgbd
 from tmca.data.scene_names import READING
-from tmca.data.spectral_depth import place_cube, read_spectral_depth, reduced_scene
+from tmca.data.spectral_depth import place_cube, read_spectral_depth, reduced_scene, scene_parts
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -28,19 +31,20 @@ likelihood's reach of 24 and its window of 12; most of what a two-headed network
 _ASKED = {"placed": "has no depth", "from_rgb": "has no spectra"}
 
 
+@checked
 def load_spectral_depth(
-    source: str,
-    wavelengths: Sequence[float] | None = None,
+    source: str | Path,
+    wavelengths: Floats | None = None,
     *,
-    near: float | None = None,
-    far: float | None = None,
-    size: tuple[int, int] | None = None,
-    reduce: int = 1,
+    near: Float | None = None,
+    far: Float | None = None,
+    size: IntPair | None = None,
+    reduce: Int = 1,
     placed: str | None = None,
     from_rgb: bool = False,
     materials: Materials = "train",
     fitted: bool = True,
-    seed: int = 0,
+    seed: Int = 0,
 ) -> xr.Dataset:
     """A spectral scene with depth, brought to bands, depth range and size of a camera.
 
@@ -64,10 +68,11 @@ def load_spectral_depth(
     Raises:
         DataError, SettingError: no such scene, or one that cannot be used so.
     """
+    source = str(source)
     by, ranged = None if reduce == 1 else reduce, near is not None and far is not None
     how = {"source": source, "reduce": reduce, "placed": placed, "from_rgb": from_rgb, "materials": materials}
     how |= {"fitted": fitted, "seed": seed}
-    if not Path(source).exists() and source in rendered_names():
+    if is_rendered(source):
         _refuse(source, "a rendered scene, which has spectra and depth", placed=placed, from_rgb=from_rgb)
         rendered = rendered_scene(source, wavelengths=wavelengths, seed=seed)
         scene = reduced_scene(rendered[["radiance", "depth"]], by, source)
@@ -126,7 +131,7 @@ def load_any_depth_scene(
         DataError: no scene, or one whose kind asks for ``placed`` or ``from_rgb``.
     """
     how: dict[str, Any] = {"near": near, "far": far, "materials": materials}
-    if Path(source).exists() or source not in rendered_names():
+    if not is_rendered(source):
         kind, least = check_depth_scene(source, placed, from_rgb)
         how |= {"reduce": max(1, least // side)}
         how |= {"placed": placed} if kind == "cube" else {"from_rgb": from_rgb and kind != "spectral-depth scene"}
@@ -173,16 +178,17 @@ def withheld_scene(sources: Sequence[str]) -> str | None:
 
 
 def _kind_and_side(source: str) -> tuple[str, int]:
-    """Kind of a scene, as `tmca.data.describe` says it, and its shorter side in pixels."""
-    about = describe(source)
-    shape = about.get("shape") or about["variables"].get("rgb", {}).get("shape")
-    if not shape:
-        raise DataError(source, f"a {about['kind']}", "an RGB-D scene, a cube, or a cube with depth")
-    kind = "spectral-depth scene" if about["kind"] == "cube" and about.get("depth") else about["kind"]
-    sides, bands = list(shape), len(about.get("wavelengths") or ())
-    if len(sides) > 2:  # bands or colours; of a cube of many bands they are not the shortest
-        sides.remove(bands if bands in sides else min(sides))
-    return kind, min(sides)
+    """What a scene is, and its shorter side in pixels."""
+    if holds_rgbd(source):
+        return "RGB-D scene", min(read_rgbd(source)["depth"].shape)
+    parts = scene_parts(Path(source))
+    with open_contents(parts[0] if parts else source) as contents:
+        views = find_light_field(contents)
+        if views is not None:
+            return "light field", min(views.shape[views.dims.index(dim)] for dim in ("y", "x"))
+        cube = locate_cube(contents)
+        kind = "spectral-depth scene" if parts or "depth" in contents.arrays else "cube"
+        return kind, min(n for axis, n in enumerate(cube.stored.shape) if axis != cube.axis)
 
 
 def with_surroundings(scene: xr.Dataset, size: tuple[int, int], source: str, tile: int) -> xr.Dataset:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.cubes import find_wavelengths
+from tmca.data.cubes import locate_cube
 from tmca.data.depth_maps import label_depth, read_depth_map, stored_metres
 from tmca.data.files import SUFFIXES as LABELLED
 from tmca.data.files import plain
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
-from tmca.data.formats.wavelengths import divisor, find_cube, metres_to_nm, read_sidecar, spectral_axis
+from tmca.data.formats.wavelengths import divisor, metres_to_nm
 from tmca.data.light_fields import (
     VIEW_DIMS,
     find_disparity,
@@ -24,6 +24,7 @@ from tmca.data.light_fields import (
     open_light_field,
     read_disparity,
 )
+from tmca.data.pixels import wrong_size
 from tmca.data.rgbd import holds_rgbd, read_rgbd
 from tmca.data.spectral_depth import scene_parts
 from tmca.errors import DataError, ShapeError, TmcaError
@@ -92,15 +93,13 @@ def _scene(path: str | Path, scene: xr.Dataset) -> dict[str, Any]:
 
 def _folder(path: str | Path, cube: Path, depth: Path) -> dict[str, Any]:
     """A folder with a cube and its depth map."""
-    found, known = describe(cube), read_depth_map(depth)
-    size = [n for axis, n in enumerate(found.get("shape", ())) if axis != found.get("spectral_axis")]
-    if found["kind"] == "cube" and sorted(size) != sorted(known.shape):
-        sizes = [f"{height}×{width}" for height, width in (known.shape, size)]
-        raise DataError(depth, f"{sizes[0]} pixels", f"{sizes[1]} as {cube.name} has", "crop one of them")
-    stored = from_array("depth", known.values, dims=("y", "x"), attrs=known.attrs)
-    found["variables"]["depth"] = _variable(stored)
-    about = {"path": str(path), "kind": "spectral-depth scene", "depth": depth_facts(known, True)}
-    return {**found, **about, "format": f"{found['format']} with {depth.name}"}
+    about, metres = describe(cube), read_depth_map(depth)
+    size = [n for axis, n in enumerate(about.get("shape", ())) if axis != about.get("spectral_axis")]
+    if about["kind"] == "cube" and sorted(size) != sorted(metres.shape):
+        raise wrong_size(depth, "a depth map", metres.shape, size, f"{cube.name} has")
+    about["variables"]["depth"] = _variable(from_array("depth", metres.values, dims=("y", "x"), attrs=metres.attrs))
+    kind = {"path": str(path), "kind": "spectral-depth scene", "depth": depth_facts(metres, True)}
+    return {**about, **kind, "format": f"{about['format']} with {depth.name}"}
 
 
 def _main(contents: Contents, variable: str | None, pattern: str | None) -> dict[str, Any]:
@@ -108,17 +107,12 @@ def _main(contents: Contents, variable: str | None, pattern: str | None) -> dict
     views = find_light_field(contents, variable)
     if views is not None:
         return describe_light_field(contents, views, pattern)
-    sidecar = read_sidecar(contents.path)
     try:
-        stored = find_cube(contents, variable, None if sidecar is None else sidecar.size)
-        axis = spectral_axis(stored, None if sidecar is None else sidecar.size)
-        if axis is None:
-            raise DataError(contents.path, f"no spectral axis in {stored.name} {stored.shape}")
-        metres, origin = find_wavelengths(contents, stored, axis, None, sidecar)
+        stored, axis, metres, origin = locate_cube(contents, variable)
     except DataError as error:
         return _not_a_cube(contents, variable, error)
     nm = metres_to_nm(metres)
-    dims = [dim for dim in stored.dims] or ["y", "x"]
+    dims = list(stored.dims) or ["y", "x"]
     if not stored.dims:
         dims.insert(axis, "wavelength")
     waves = {"count": nm.size, "first_nm": nm[0], "last_nm": nm[-1], "from": origin, "nm": nm}
@@ -164,22 +158,21 @@ def _is_plain(value: Any) -> bool:
 
 def _statistics(stored: Stored) -> dict[str, Any]:
     """Minimum, maximum and mean of the finite values and shares of special ones, slice by slice."""
-    low, high, total, count, zeros, top = np.inf, -np.inf, 0.0, 0, 0, 0
-    full = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "iu" else None
+    low, high, total, count, zeros, at_high = np.inf, -np.inf, 0.0, 0, 0, 0
     for values in _slices(stored):
         good = values[np.isfinite(values)] if values.dtype.kind == "f" else values
         if not good.size:
             continue
-        low, high = min(low, float(good.min())), max(high, float(good.max()))
+        top = float(good.max())
+        if top >= high:
+            at_high = int(np.count_nonzero(good == good.max())) + (at_high if top == high else 0)
+        low, high = min(low, float(good.min())), max(high, top)
         total, count = total + float(good.sum(dtype=np.float64)), count + good.size
         zeros += int(np.count_nonzero(good == 0))
-        top += int(np.count_nonzero(good >= full)) if full is not None else 0
     if not count:
         return {"min": None, "max": None, "mean": None, "not_finite": stored.size}
-    if full is None:
-        full = max(high, 1.0)
-        top = sum(int(np.count_nonzero(values >= full)) for values in _slices(stored)) if high >= full else 0
-    shares = {"zero_share": zeros / stored.size, "saturated_share": top / stored.size}
+    full = float(np.iinfo(stored.dtype).max) if stored.dtype.kind in "iu" else max(high, 1.0)
+    shares = {"zero_share": zeros / stored.size, "saturated_share": at_high / stored.size if high >= full else 0.0}
     return {"min": low, "max": high, "mean": total / count, **shares, "not_finite": stored.size - count}
 
 
@@ -196,8 +189,8 @@ def depth_facts(depth: xr.DataArray, metric: bool) -> dict[str, Any]:
     facts: dict[str, Any] = {"pixels": depth.size, **counts, "metric": metric}
     if not metric:
         return facts
-    known = depth.values[np.isfinite(depth.values)]
-    near, median, far = (float(v) for v in np.percentile(known, [0, 50, 100]))
+    metres = depth.values[np.isfinite(depth.values)]
+    near, median, far = (float(v) for v in np.percentile(metres, [0, 50, 100]))
     return {"near": near, "median": median, "far": far, **facts}
 
 
@@ -289,14 +282,14 @@ def view_shifts(light_field: xr.DataArray, block: int = 64) -> NDArray[np.float6
     v, u = (n // 2 for n in views.shape[:2])
     size = min(block, *views.shape[2:])
     window = np.hanning(size + 2)[1:-1]
-    found = []
+    shifts = []
     for y in _starts(views.shape[2], size):
         for x in _starts(views.shape[3], size):
             part = views[v - 1 : v + 2, u - 1 : u + 2, y : y + size, x : x + size].astype(np.float64)
             if part[1, 1].std() > 0.01:
                 part = (part - part.mean(axis=(2, 3), keepdims=True)) * window[:, None] * window
-                found.append((_shift(part[0, 1], part[2, 1])[0] / 2, _shift(part[1, 0], part[1, 2])[1] / 2))
-    return np.array(found, dtype=np.float64).reshape(-1, 2)
+                shifts.append((_shift(part[0, 1], part[2, 1])[0] / 2, _shift(part[1, 0], part[1, 2])[1] / 2))
+    return np.array(shifts, dtype=np.float64).reshape(-1, 2)
 
 
 def _starts(length: int, size: int) -> list[int]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.arguments import checked
 from tmca.data.formats.arrays import LABELLED, open_labelled
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
@@ -26,6 +27,10 @@ from tmca.errors import DataError, OutputError, ShapeError
 if TYPE_CHECKING:
     import xarray
 
+    Labelled = xarray.DataArray | xarray.Dataset
+else:
+    Labelled = Any
+
 _ATTEMPTS = 20
 _REASONS = {
     errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
@@ -33,6 +38,7 @@ _REASONS = {
     errno.EFBIG: ("a file above the size limit", "room for the file", "raise the limit or write elsewhere"),
     errno.EACCES: ("no permission to write", "a writable folder", "write elsewhere"),
     errno.EPERM: ("no permission to write", "a writable folder", "write elsewhere"),
+    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), ("a file in the way", "a folder", "choose another name")),
     errno.EROFS: ("a read-only disk", "a writable folder", "write elsewhere"),
 }
 
@@ -86,9 +92,7 @@ def make_folder(path: str | Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(
-            folder, f"no folder and none can be made ({error.strerror})", "a folder", "choose another"
-        ) from error
+        raise _output_error(folder, error) from error
     return folder
 
 
@@ -104,9 +108,7 @@ def check_folder(path: str | Path) -> None:
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
-        raise OutputError(
-            path, f"no folder that can be written to ({error.strerror})", "a folder", "choose another"
-        ) from error
+        raise _output_error(path, error) from error
 
 
 def _replace(temporary: Path, path: Path) -> None:
@@ -155,7 +157,7 @@ def _remove(temporary: Path) -> None:
         time.sleep(0.05)  # a writer's own threads (Zarr's) may still put files there
 
 
-def _output_error(path: Path, error: OSError) -> OutputError:
+def _output_error(path: str | Path, error: OSError) -> OutputError:
     unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
     # numpy's tofile tells a full disk only in words, without the system's number
     code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
@@ -206,13 +208,15 @@ def content_digest(said: Mapping[str, Any], own: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def write_dataset(obj: xarray.DataArray | xarray.Dataset, path: str | Path, *, overwrite: bool = False) -> Path:
+@checked
+def write_dataset(obj: Labelled, path: str | Path, *, overwrite: bool = False) -> Path:
     """Write labelled data as NetCDF4/HDF5 (``.nc``, ``.h5``) or Zarr (``.zarr``), and give the path back.
 
     Arrays above 64 kB are compressed without loss; in Zarr each band (index of the first axis of a cube) is a
     chunk. Attributes that NetCDF cannot hold (None, dictionaries, mixed lists) are stored as JSON text.
 
     Raises:
+        SettingError: no path.
         OutputError: an unknown suffix, or see `atomic_path`.
     """
     path = Path(path)
@@ -275,6 +279,7 @@ def _zarr_encoding(dataset: xarray.Dataset) -> dict[Any, dict[str, Any]]:
 SUFFIXES = (".nc", ".h5", ".zarr", ".nc4", ".hdf5")
 
 
+@checked
 def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Dataset:
     """A NetCDF or Zarr file as an ``xarray.Dataset``, loaded whole, the file closed again.
 
@@ -283,6 +288,7 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         required: variables or coordinates that it must hold.
 
     Raises:
+        SettingError: no path.
         DataError: missing, not such a file, cut short, or without a required variable.
     """
     path = Path(path)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.wavelengths import metres_to_nm
+from tmca.data.in_memory import as_cube, as_depth_scene, as_views
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -26,9 +27,7 @@ def fit_cube(scene: xr.DataArray, wavelengths: Sequence[float], size: Size, wher
     Raises:
         DataError: no cube, a smaller one, or one with fewer bands.
     """
-    if "wavelength" not in getattr(scene, "dims", ()):
-        raise DataError(where, "no cube (wavelength, y, x)", "a spectral scene", "read it with tmca.read")
-    return _middle(nearest_bands(scene, wavelengths), {"y": size[0], "x": size[1]}, where)
+    return _middle(nearest_bands(as_cube(scene, where), wavelengths), {"y": size[0], "x": size[1]}, where)
 
 
 def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene") -> xr.DataArray:
@@ -37,11 +36,8 @@ def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene"
     Raises:
         DataError: no light field, or a smaller one.
     """
-    if "view_v" not in getattr(scene, "dims", ()):
-        remedy = 'read it with tmca.read(…, "light-field")'
-        raise DataError(where, "no views (view_v, view_u, y, x)", "a light field", remedy)
     wanted = {"view_v": views[0], "view_u": views[1], "y": size[0], "x": size[1]}
-    return _middle(scene, wanted, where)
+    return _middle(as_views(scene, where), wanted, where)
 
 
 def fit_depth_scene(
@@ -62,9 +58,7 @@ def fit_depth_scene(
     Raises:
         DataError: no such scene, a smaller one, or one with other bands.
     """
-    if not {"radiance", "depth"} <= set(getattr(scene, "data_vars", ())):
-        remedy = 'read it with tmca.read(…, "spectral-depth")'
-        raise DataError(where, "no radiance with depth", "a scene with depth", remedy)
+    scene = as_depth_scene(scene, where)
     cube, attrs = at_bands(scene["radiance"], wavelengths), dict(scene.attrs)
     fitted = scene.drop_dims("wavelength").assign(radiance=cube).assign_attrs(attrs)
     metres = scene["depth"].values[np.isfinite(scene["depth"].values)]
@@ -131,7 +125,7 @@ def select_bands(cube: xr.DataArray, count: int, low: float = 400e-9, high: floa
         raise SettingError("bands", str(count), "1 band or more")
     if not 0 < low < high:
         raise SettingError("low, high", f"{low:g} m to {high:g} m", "0 < low < high, in metres")
-    _require_covered(cube, np.array([low, high]))
+    _covering(cube, np.array([low, high]))
     targets = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     return nearest_bands(cube, targets)
 
@@ -146,65 +140,43 @@ def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataAr
     targets = np.asarray(list(wavelengths), dtype=np.float64)
     if not targets.size:
         raise SettingError("wavelengths", "an empty list", "one wavelength or more")
-    _require_covered(cube, targets)
-    index = nearest_index(cube, targets)
-    if np.unique(index).size != index.size:
-        raise SettingError(
-            cube.attrs.get("source", "bands"),
-            f"{targets.size} wavelengths for which only {np.unique(index).size} different bands are nearest",
-            "a band of its own for each",
-            "ask for fewer bands or a wider range",
-        )
+    nm = _covering(cube, targets)
+    order = np.argsort(nm, kind="stable")
+    index = order[np.round(np.abs(nm[order] - metres_to_nm(targets)[:, None]), 4).argmin(axis=1)]
+    different = np.unique(index).size
+    if different != index.size:
+        found = f"{targets.size} wavelengths for which only {different} different bands are nearest"
+        remedy = "ask for fewer bands or a wider range"
+        raise SettingError(cube.attrs.get("source", "bands"), found, "a band of its own for each", remedy)
     return cube.isel(wavelength=index)
 
 
-def nearest_index(cube: xr.DataArray, targets: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Index of the band nearest to each target in metres; of two equally near the shorter wavelength."""
-    nm = _nm(cube)
-    order = np.argsort(nm, kind="stable")
-    distance = np.round(np.abs(nm[order][None, :] - metres_to_nm(targets)[:, None]), 4)
-    return order[distance.argmin(axis=1)]
-
-
-def _nm(cube: xr.DataArray) -> NDArray[np.float64]:
+def _covering(cube: xr.DataArray, targets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Nanometres of the bands, which must cover the targets: half a band beyond the outermost centres, 10 nm of one."""
+    where = cube.attrs.get("source", "cube")
     if "wavelength" not in cube.coords or cube.coords["wavelength"].dims != ("wavelength",):
-        raise DataError(cube.attrs.get("source", "cube"), "no wavelength coordinate", "a cube from tmca.data.read")
-    return metres_to_nm(cube.coords["wavelength"].values)
-
-
-def _require_covered(cube: xr.DataArray, targets: NDArray[np.float64]) -> None:
-    """A wavelength counts as covered up to half a band beyond the outermost centres."""
-    nm = np.sort(_nm(cube))
-    wanted = metres_to_nm(targets)
-    low, high = nm[0], nm[-1]
-    if nm.size > 1:
-        low, high = low - (nm[1] - nm[0]) / 2, high + (nm[-1] - nm[-2]) / 2
-    if wanted.min() < low - 1e-3 or wanted.max() > high + 1e-3:
-        raise DataError(
-            cube.attrs.get("source", "cube"),
-            f"bands from {nm[0]:g} to {nm[-1]:g} nm",
-            f"bands that cover {wanted.min():g} to {wanted.max():g} nm",
-            "ask for a range inside the cube's",
-        )
+        raise DataError(where, "no wavelength coordinate", "a cube from tmca.data.read")
+    nm, wanted = metres_to_nm(cube.coords["wavelength"].values), metres_to_nm(targets)
+    rising = np.sort(nm)
+    beyond = np.diff(rising)[[0, -1]] / 2 if nm.size > 1 else (10.0, 10.0)
+    if wanted.min() < rising[0] - beyond[0] - 1e-3 or wanted.max() > rising[-1] + beyond[1] + 1e-3:
+        found, expected = f"bands from {rising[0]:g} to {rising[-1]:g} nm", "bands that cover"
+        expected = f"{expected} {wanted.min():g} to {wanted.max():g} nm"
+        raise DataError(where, found, expected, "ask for a range inside the cube's")
+    return nm
 
 
 def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:
-    """The cube's nearest band for every wavelength.
+    """The cube's nearest band for every wavelength (metres), labelled with that wavelength.
 
     Raises:
-        DataError: a wavelength farther from every band than half their spacing.
+        DataError, SettingError: as `nearest_bands`.
     """
-    own = cube["wavelength"].values
-    wanted = np.asarray(wavelengths)
-    if len(own) == len(wanted) and np.allclose(own, wanted, rtol=1e-6):
+    stored = cube["wavelength"].values
+    if len(stored) == len(wavelengths) and np.allclose(stored, wavelengths, rtol=1e-6):
         return cube
-    chosen = np.abs(own[:, None] - wanted).argmin(0)
-    spacing = np.diff(own).max() if len(own) > 1 else 20e-9
-    worst = int(np.abs(own[chosen] - wanted).argmax())
-    if abs(own[chosen][worst] - wanted[worst]) > spacing / 2 * (1 + 1e-6) or len(set(chosen)) < len(wanted):
-        found = f"bands from {own[0] * 1e9:.0f} to {own[-1] * 1e9:.0f} nm"
-        raise DataError(cube.attrs.get("source", "cube"), found, f"one near {wanted[worst] * 1e9:.0f} nm")
-    return cube.isel(wavelength=chosen).assign_coords(wavelength=("wavelength", wanted, {"units": "m"}))
+    named = ("wavelength", np.asarray(wavelengths), {"units": "m"})
+    return nearest_bands(cube, wavelengths).assign_coords(wavelength=named)
 
 
 def fitted_depth(
@@ -235,20 +207,20 @@ def fitted_depth(
     if not 0 <= low < high <= 100:
         raise SettingError("percentiles", repr(percentiles), "(farthest, nearest) with 0 ≤ farthest < nearest ≤ 100")
     values = depth.values.astype(np.float64)
-    known = np.isfinite(values) & (values > 0)
-    if not known.any():
-        raise DataError(depth.attrs.get("source", "depth"), "no known depth", "some positive, finite metres")
-    inverse = 1 / np.where(known, values, 1.0)
-    ends = np.percentile(inverse[known], [low, high])
+    valid = np.isfinite(values) & (values > 0)
+    if not valid.any():
+        raise DataError(depth.attrs.get("source", "depth"), "no valid depth", "some positive, finite metres")
+    inverse = 1 / np.where(valid, values, 1.0)
+    ends = np.percentile(inverse[valid], [low, high])
     scale, shift = _affine(ends, near, far)
     mapped = scale * inverse + shift
-    usable = known & (mapped > 0)
+    usable = valid & (mapped > 0)
     fitted = np.where(usable, 1 / np.where(usable, mapped, 1.0), np.nan)
     about = {
         "inverse_depth_scale": scale, "inverse_depth_shift": shift,
         "design_near": float(near), "design_far": float(far), "fitted_percentiles": [float(low), float(high)],
         "source_near": float(1 / ends[1]), "source_far": float(1 / ends[0]),
-        "unknown_pixels": int(np.sum(~usable)), "outside_pixels": _outside(mapped[known], near, far),
+        "unknown_pixels": int(np.sum(~usable)), "outside_pixels": _outside(mapped[valid], near, far),
     }  # fmt: skip
     return depth.copy(data=fitted.astype(np.float32)).assign_attrs(about), about
 

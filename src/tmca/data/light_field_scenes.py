@@ -12,12 +12,14 @@ from warnings import warn
 
 import numpy as np
 
+from tmca.arguments import Int, IntPair, checked
 from tmca.data.formats.opening import is_picture
 from tmca.data.formats.view_names import has_names
 from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.rendering import rendered_light_field, rendered_names
+from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.scene_names import READING, SceneWarning
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,15 +38,16 @@ class UnevenGrid(SceneWarning):
     """A light field whose grid of views is not square, as when some are missing."""
 
 
+@checked
 def load_light_field(
-    source: str,
+    source: str | Path,
     *,
-    views: int | None = 5,
-    size: tuple[int, int] | None = None,
-    scale: int | None = None,
+    views: Int | None = 5,
+    size: IntPair | None = None,
+    scale: Int | None = None,
     colour: bool = False,
     pattern: str | None = None,
-    lens: tuple[int, int] | None = None,
+    lens: IntPair | None = None,
 ) -> xr.DataArray:
     """A light field from files, or a rendered one.
 
@@ -68,21 +71,21 @@ def load_light_field(
     Warns:
         UnevenGrid: the centre of views that stand on no square grid was taken.
     """
-    asked: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
+    source = str(source)
+    reading: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
     if Path(source).exists():
-        found = read_light_field(source, crop=size, **asked)
-        rows, columns = found.attrs["grid"]
+        light_field = read_light_field(source, crop=size, **reading)
+        rows, columns = light_field.attrs["grid"]
         if rows != columns:
             odd = f"{rows}×{columns} views are no square, some may be missing"
-            warn(f"{source}: {odd}; taken are {taken_views(found)}", UnevenGrid, stacklevel=2)
+            warn(f"{source}: {odd}; taken are {taken_views(light_field)}", UnevenGrid, stacklevel=2)
     elif source.partition(":")[0] in rendered_names():
         _refuse_files(pattern=pattern, lens=lens)
-        found = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+        light_field = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
     else:
-        wanted = f"a path, or one of {', '.join(rendered_names())}"
-        raise DataError(source, "no such file, folder or rendered scene", wanted)
-    noted = {"source": source, "size": size, **asked, "scale": scale or 1}
-    return found.assign_attrs({READING: json.dumps(noted, default=int)})
+        raise no_such_scene(source)
+    noted = {"source": source, "size": size, **reading, "scale": scale or 1}
+    return light_field.assign_attrs({READING: json.dumps(noted, default=int)})
 
 
 def taken_views(light_field: xr.DataArray) -> str:

@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.files import SUFFIXES as LABELLED
-from tmca.data.files import read_dataset, write_dataset
+from tmca.data.files import write_dataset
 from tmca.data.fitting import centre_window
-from tmca.data.formats.arrays import QUANTITY, open_labelled, open_npy
-from tmca.data.formats.images import read_picture
-from tmca.data.formats.opening import is_picture, open_contents
+from tmca.data.formats.arrays import IRRADIANCE, open_labelled
+from tmca.data.formats.opening import is_picture, is_zarr, open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.views import DIMS, LENS, open_lenslet, open_views
 from tmca.data.formats.wavelengths import divisor
-from tmca.data.pixels import nearest
+from tmca.data.pixels import area_average, nearest, refuse_not_finite, wrong_size
 from tmca.errors import DataError, SettingError, ShapeError
 
 if TYPE_CHECKING:
@@ -111,12 +110,7 @@ def find_light_field(contents: Contents, variable: str | None = None) -> Stored 
     if variable is not None:
         return next((s for s in over if s.name == variable), None)
     named = [s for s in over if s.name in NAMES]
-    if len(over) < 2 or named:
-        return next(iter(named or over), None)
-    names = ", ".join(s.name for s in over)
-    raise DataError(
-        contents.path, f"{len(over)} light fields ({names})", "one", "choose it with variable= (--variable)"
-    )
+    return contents.only(named[:1] or over, "light field") if over else None
 
 
 def has_colour(stored: Stored) -> bool:
@@ -150,7 +144,7 @@ def load_views(
     by, scaled = divisor(stored, 0, divide_by, None)
     pixels = np.stack([np.stack([_view(stored, v, u, colour, window, scale or 1) for u in columns]) for v in rows])
     pixels /= np.float32(by)
-    _require_finite(pixels, contents.path)
+    refuse_not_finite(pixels, contents.path, ("view row", "column", "y", "x"))
     about = {
         "name": stored.attrs.get("name") or (contents.path.name if contents.path.is_dir() else contents.path.stem),
         "source": str(contents.path),
@@ -159,8 +153,8 @@ def load_views(
         "scale": by,
         "scale_from": scaled,
     }
-    kept = {key: value for key, value in contents.attrs.items() if key.endswith("_m") and isinstance(value, float)}
-    return label_light_field(np.moveaxis(pixels, -1, 0) if colour else pixels[..., 0], {**kept, **about})
+    geometry = {key: value for key, value in contents.attrs.items() if key.endswith("_m") and isinstance(value, float)}
+    return label_light_field(np.moveaxis(pixels, -1, 0) if colour else pixels[..., 0], {**geometry, **about})
 
 
 def label_light_field(pixels: NDArray[Any], attrs: dict[str, Any] | None = None) -> xarray.DataArray:
@@ -181,8 +175,7 @@ def label_light_field(pixels: NDArray[Any], attrs: dict[str, Any] | None = None)
     }
     if pixels.ndim == 5:
         coords["colour"] = ("colour", list(COLOURS))
-    units = {"quantity": QUANTITY, "units": "1", "long_name": QUANTITY}
-    return xarray.DataArray(pixels, coords, dims, name="light_field", attrs={**units, **(attrs or {})})
+    return xarray.DataArray(pixels, coords, dims, name="light_field", attrs={**IRRADIANCE, **(attrs or {})})
 
 
 def write_light_field(light_field: xarray.DataArray, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -193,9 +186,8 @@ def write_light_field(light_field: xarray.DataArray, path: str | Path, *, overwr
         OutputError: see `atomic_path`.
     """
     if light_field.dims not in (VIEW_DIMS, ("colour", *VIEW_DIMS)):
-        raise ShapeError(
-            "light field", f"dims {light_field.dims}", f"{VIEW_DIMS}, with colour before them if it has any"
-        )
+        expected = f"{VIEW_DIMS}, with colour before them if it has any"
+        raise ShapeError("light field", f"dims {light_field.dims}", expected)
     return write_dataset(light_field, path, overwrite=overwrite)
 
 
@@ -235,7 +227,9 @@ def _view(stored: Stored, v: int, u: int, colour: bool, window: tuple[slice, sli
     pixels = np.moveaxis(pixels, (others.index("y"), others.index("x")), (0, 1))
     if pixels.ndim > 3:
         raise DataError(stored.name, f"dims {stored.dims}", f"{VIEW_DIMS} and at most colour")
-    return _reduced(_coloured(np.atleast_3d(pixels), colour, stored), scale)
+    coloured = np.moveaxis(_coloured(np.atleast_3d(pixels), colour, stored), -1, 0)
+    size = coloured.shape[1] // scale, coloured.shape[2] // scale
+    return np.moveaxis(coloured if scale == 1 else area_average(coloured, size), 0, -1)
 
 
 def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDArray[np.float32]:
@@ -249,28 +243,9 @@ def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDAr
     return pixels @ np.array(LUMINANCE, dtype=np.float32)[:, None]
 
 
-def _reduced(pixels: NDArray[np.float32], scale: int) -> NDArray[np.float32]:
-    """The mean over blocks of ``scale × scale`` pixels of ``(H, W, C)``."""
-    if scale == 1:
-        return pixels
-    height, width, channels = pixels.shape
-    blocks = pixels.reshape(height // scale, scale, width // scale, scale, channels)
-    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32), dtype=np.float32)
-
-
-def _require_finite(pixels: NDArray[np.float32], where: object) -> None:
-    bad = ~np.isfinite(pixels)
-    if bad.any():
-        v, u, y, x, _ = (int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape))
-        first = f"view row {v}, column {u}, y {y}, x {x}"
-        found = f"{int(bad.sum())} NaN or infinite pixels, the first at {first}"
-        raise DataError(where, found, "finite values", "mask or repair them first")
-
-
 def no_light_field(contents: Contents, variable: str | None = None) -> DataError:
     """The error for a file or folder without one."""
-    there = ", ".join(f"{s.name} {s.dims or s.shape}" for s in list(contents.arrays.values())[:4]) or "nothing"
-    found = f"no light field{'' if variable is None else f' {variable!r}'} ({contents.format}: {there})"
+    found = f"no light field{'' if variable is None else f' {variable!r}'} ({contents.format}: {contents.listing()})"
     expected = "pictures named by row and column, a lenslet picture, or a file with view_v and view_u"
     return DataError(contents.path, found, expected, "give the names' pattern= (--pattern) for a folder of views")
 
@@ -332,12 +307,8 @@ def read_disparity(
     values, source = _values(path)
     expected = _size_of_views(path, pattern) if size is None else size
     if expected is not None and values.shape != tuple(expected):
-        found = f"{values.shape[0]}×{values.shape[1]} pixels (height × width)"
-        wanted = f"{expected[0]}×{expected[1]} as the views have"
-        raise DataError(source, found, wanted, "fetch the map of their size, or take it away to go without")
-    if not np.isfinite(values).all():
-        found = f"{np.sum(~np.isfinite(values))} NaN or infinite values"
-        raise DataError(source, found, "finite disparities", _MEND)
+        raise wrong_size(source, "a map", values.shape, expected, "the views have")
+    refuse_not_finite(values, source, ("y", "x"))
     height, width = values.shape
     window = centre_window((height, width), crop, scale, source)
     step = scale or 1
@@ -349,23 +320,16 @@ def read_disparity(
 
 def _values(path: Path) -> tuple[NDArray[np.float32], Path]:
     """The stored map ``(H, W)`` and the file it lies in."""
-    if path.is_dir() and path.suffix.lower() not in LABELLED:
-        found = find_disparity(path)
-        if found is None:
+    if path.is_dir() and not is_zarr(path):
+        file = find_disparity(path)
+        if file is None:
             raise DataError(path, "no disparity map", f"{USUAL} or one *disp*.pfm", "give the map's own path")
-        path = found
-    if not path.exists():
-        raise DataError(path, "no such file", "a disparity map", "check the path")
-    if path.suffix.lower() == ".npy":
-        values: NDArray[Any] = next(iter(open_npy(path).arrays.values())).whole()
-    elif path.suffix.lower() in LABELLED:
-        values = read_dataset(path, ["disparity"])["disparity"].values
-    elif path.suffix.lower() == ".pfm":
-        values = read_picture(path)
-    else:
-        wanted = ".pfm, .npy or a labelled file with disparity"
-        raise DataError(path, f"the suffix {path.suffix!r}", wanted, "write the map as one of them")
-    if values.ndim != 2 or values.dtype.kind != "f":
+        path = file
+    with open_contents(path) as contents:
+        maps = [stored for stored in contents.arrays.values() if stored.numeric and len(stored.shape) == 2]
+        named = [stored for stored in maps if stored.name == "disparity"]
+        values = contents.only(named or maps, "disparity map", "write it as .pfm, .npy or a variable disparity").whole()
+    if values.dtype.kind != "f":
         raise DataError(path, f"{values.dtype} of shape {values.shape}", "a map (y, x) of floats", _MEND)
     return values.astype(np.float32), path
 

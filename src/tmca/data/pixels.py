@@ -1,13 +1,14 @@
-"""The curve of sRGB (IEC 61966-2-1): stored values to relative irradiance and back."""
+"""Pixels: the curve of sRGB (IEC 61966-2-1), windows and smaller pictures, values that cannot be used."""
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 
 
 def decoded(stored: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -23,6 +24,40 @@ def encoded(linear: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 _Value = TypeVar("_Value", bound=np.generic)
+
+
+def refuse_pixels(
+    values: NDArray[Any], bad: NDArray[np.bool_], where: object, kind: str, axes: Sequence[str], remedy: str
+) -> None:
+    """Raises DataError where any pixel is bad, with their number and the place of the first, counted from 0.
+
+    Args:
+        values: any shape.
+        bad: of the same shape.
+        where: the file.
+        kind: what they are.
+        axes: names of the leading axes.
+        remedy: what can be done.
+    """
+    count = int(np.count_nonzero(bad))
+    if count:
+        place = np.unravel_index(int(bad.argmax()), bad.shape)
+        first = ", ".join(f"{axis} {index}" for axis, index in zip(axes, place, strict=False))
+        found = f"{count} {kind} pixel{'s' if count > 1 else ''}, the first at {first} ({values[place]:g})"
+        raise DataError(where, found, "finite values from 0 up", remedy)
+
+
+def refuse_not_finite(values: NDArray[Any], where: object, axes: Sequence[str]) -> None:
+    """Raises DataError where values are NaN or infinite; arguments as in `refuse_pixels`."""
+    for kind, bad in (("NaN", np.isnan), ("infinite", np.isinf)):
+        refuse_pixels(values, bad(values), where, kind, axes, "mask or repair them first")
+
+
+def wrong_size(where: object, what: str, size: Sequence[int], expected: Sequence[int], other: str) -> DataError:
+    """The error for ``what`` of (H, W) pixels that is not as large as another picture."""
+    found, wanted = (f"{height}×{width}" for height, width in (size, expected))
+    remedy = "crop or replace one of them"
+    return DataError(where, f"{what} of {found} pixels", f"{wanted} (height × width) as {other}", remedy)
 
 
 def centre_crop(shape: tuple[int, int], size: tuple[int, int] | None) -> tuple[slice, slice]:
@@ -46,6 +81,10 @@ def centre_crop(shape: tuple[int, int], size: tuple[int, int] | None) -> tuple[s
 
 def area_average(images: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
     """``(C, H, W)`` reduced to ``(C, *size)``: each new pixel is the mean over the area it covers."""
+    (height, width), channels = images.shape[1:], len(images)
+    if height % size[0] == 0 and width % size[1] == 0:
+        blocks = images.reshape(channels, size[0], height // size[0], size[1], width // size[1])
+        return np.asarray(blocks.mean(axis=(2, 4), dtype=np.float32), dtype=np.float32)
     rows, columns = (area_weights(n, m) for n, m in zip(images.shape[1:], size, strict=True))
     return np.ascontiguousarray(rows @ images @ columns.T)
 

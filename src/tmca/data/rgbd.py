@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from tmca.data.depth_maps import disparity_to_depth, label_depth, relative_depth, stored_metres
 from tmca.data.fitting import centre_window
 from tmca.data.formats import rgbd_files
-from tmca.data.formats.arrays import QUANTITY
+from tmca.data.formats.arrays import IRRADIANCE, QUANTITY
 from tmca.data.formats.images import read_picture
+from tmca.data.formats.opening import read_array
 from tmca.data.formats.rgbd_files import RgbdFiles, Stereo, find_rgbd
-from tmca.data.formats.stored import whole_file
 from tmca.data.formats.views import open_views
 from tmca.data.light_fields import COLOURS, find_disparity, read_disparity, read_light_field
-from tmca.data.pixels import area_average, decoded, nearest
+from tmca.data.pixels import area_average, decoded, nearest, wrong_size
 from tmca.errors import DataError
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
         counts of `tmca.data.read_depth_map`. Attributes: ``name``, ``source``, ``format``, ``encoding``,
         ``depth_from``; ``focal_px`` (at the stored size), ``baseline_m`` and ``offset_px`` as far as they are known;
         and ``metric``: False where depth is right only up to an affine map of inverse depth, since the files leave out
-        its offset or all rgbd_files.
+        its offset or all calibration.
 
     Raises:
         DataError: no such scene, several, a missing or broken file, sizes that differ, no known depth.
@@ -56,8 +56,7 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
     path = Path(path)
     loaded = load_rgbd(path)
     if loaded.picture.shape[:2] != loaded.depth.shape:
-        depth_size, picture_size = (f"{shape[0]}×{shape[1]}" for shape in (loaded.depth.shape, loaded.picture.shape))
-        raise DataError(path, f"a depth map of {depth_size} pixels", f"{picture_size} as its picture has")
+        raise wrong_size(path, "a depth map", loaded.depth.shape, loaded.picture.shape[:2], "its picture has")
     height, width = loaded.depth.shape
     window = centre_window((height, width), crop, scale, path)
     linear = np.moveaxis(decoded(loaded.picture[window]), -1, 0)
@@ -66,7 +65,7 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
         size = values.shape[0] // scale, values.shape[1] // scale
         linear, values = area_average(linear, size).clip(0, 1), nearest(values, size)
     about = {"name": loaded.about["name"], "source": str(path), **loaded.about, "encoding": "linear, decoded from sRGB"}
-    units = {"quantity": QUANTITY, "units": "1", "long_name": f"linear sRGB, {QUANTITY}"}
+    units = {**IRRADIANCE, "long_name": f"linear sRGB, {QUANTITY}"}
     rgb = xr.DataArray(np.ascontiguousarray(linear), dims=("colour", "y", "x"), attrs=units)
     variables = {"rgb": rgb, "depth": label_depth(values, path)}
     return xr.Dataset(variables, {"colour": ("colour", list(COLOURS))}, about)
@@ -110,7 +109,9 @@ SHEETS = ("*dmin.txt", "calib.txt", "camera*.json", ANNOTATIONS)
 """Files beside picture and depth map that calibrate them."""
 _CROPPED_TO = 32
 """Hole-filled Middlebury 2005 maps cover the centre of their picture, down to whole multiples of this."""
-_EXPECTED = "such as " + ", ".join(" with ".join(layout.names) for layout in rgbd_files.LAYOUTS[:5])
+_EXPECTED = "such as " + ", ".join(
+    f"{layout.name_of('picture')} with {layout.name_of('depth')}" for layout in rgbd_files.LAYOUTS[:5]
+)
 
 
 class Loaded(NamedTuple):
@@ -175,16 +176,13 @@ def _skimage(files: RgbdFiles, picture: Path, depth: Path) -> Loaded:
         stereo = rgbd_files.middlebury_2014(sheet)
     elif files.stem == "motorcycle":
         stereo = rgbd_files.motorcycle(pixels.shape[1])
-    with whole_file(depth, ".npz file"), np.load(depth, allow_pickle=False) as arrays:
-        if len(arrays.files) != 1:
-            raise DataError(depth, f"{len(arrays.files)} arrays", "one: the disparities")
-        return _stereo(pixels, np.asarray(arrays[arrays.files[0]]), stereo)
+    return _stereo(pixels, read_array(depth), stereo)
 
 
 def _nyuv2(files: RgbdFiles, picture: Path, depth: Path) -> Loaded:
     sheet = files.folder / ANNOTATIONS
-    known = rgbd_files.annotated(sheet, picture.name) if sheet.is_file() else None
-    focal, units = known or (rgbd_files.NYUV2_FOCAL_PX, 1000.0)
+    calibration = rgbd_files.annotated(sheet, picture.name) if sheet.is_file() else None
+    focal, units = calibration or (rgbd_files.NYUV2_FOCAL_PX, 1000.0)
     pixels, metres = _encoded(picture), stored_metres(depth, 1 / units)[0]
     if pixels.shape[:2] == metres.shape and _white_frame(pixels):
         inside = slice(BORDER, -BORDER)

@@ -9,16 +9,13 @@ from pathlib import Path, PurePosixPath
 from warnings import warn
 
 from tmca.data.files import write_text
-from tmca.data.rendering import rendered_names
+from tmca.data.in_memory import SceneWarning as SceneWarning
+from tmca.data.rendering import is_rendered
 from tmca.data.rgbd import rgbd_sources
 from tmca.errors import DataError, SettingError
 
 READING = "scene_reading"
 """Attribute of scenes, snapshots and estimates: how the scene was read, as JSON."""
-
-
-class SceneWarning(UserWarning):
-    """What is odd about a scene, said when it is read."""
 
 
 def identity_of(source: str) -> str | None:
@@ -27,7 +24,7 @@ def identity_of(source: str) -> str | None:
     path = Path(source)
     if path.suffix == ".txt" and path.is_file():
         return " ".join(str(identity_of(str(scene))) for scene in read_split(path))
-    if not path.exists() and source in rendered_names():
+    if is_rendered(source):
         return None
     files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else rgbd_sources(path)
     if path.is_dir() or files:
@@ -89,7 +86,7 @@ def read_split(path: str | Path, root: str | Path | None = None, manifest: str |
     base = Path(root) if root is not None else _root_of(path)
     listed = Path(manifest) if manifest is not None else base / MANIFEST
     sums = parse_sums(listed) if manifest is not None or listed.is_file() else {}
-    return [_verified(path, base, name, own, sums) for name, own in entries.items()]
+    return [_verified(path, base, name, checksum, sums) for name, checksum in entries.items()]
 
 
 def parse_sums(path: str | Path) -> dict[str, str | None]:
@@ -132,11 +129,11 @@ def _root_of(path: Path) -> Path:
     return next((folder for folder in parents if (folder / MANIFEST).is_file()), parents[0])
 
 
-def _verified(split: Path, base: Path, name: str, own: str | None, sums: dict[str, str | None]) -> Path:
+def _verified(split: Path, base: Path, name: str, checksum: str | None, sums: dict[str, str | None]) -> Path:
     """The entry's path, after its own checksum or those of the manifest's files that belong to it held."""
     entry = base / name
-    if own is not None:
-        _require(split, entry, own)
+    if checksum is not None:
+        _require(split, entry, checksum)
         return entry
     members = [listed for listed in sums if _belongs(listed, name)]
     for listed in members:
@@ -165,14 +162,10 @@ def _require(split: Path, path: Path, checksum: str | None) -> None:
         raise _missing(split, path)
     if checksum is None:
         return
-    found = checksum_of(path)
-    if found != checksum:
-        raise DataError(
-            path,
-            f"SHA-256 {found[:12]}… (altered since {split.name} was written)",
-            f"{checksum[:12]}…",
-            "fetch the data again",
-        )
+    actual = checksum_of(path)
+    if actual != checksum:
+        found = f"SHA-256 {actual[:12]}… (altered since {split.name} was written)"
+        raise DataError(path, found, f"{checksum[:12]}…", "fetch the data again")
 
 
 def checksum_of(path: str | Path) -> str:

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
+from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.describe import describe
+from tmca.data.describe import depth_in
 from tmca.data.fitting import middle_of, select_bands
+from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
-from tmca.data.rendering import rendered_names, rendered_scene
-from tmca.data.rgbd import refuse_rgbd, rgbd_sources
+from tmca.data.light_fields import find_light_field
+from tmca.data.rendering import is_rendered, rendered_scene
+from tmca.data.rendering.photographs import no_such_scene
+from tmca.data.rgbd import holds_rgbd, refuse_rgbd
 from tmca.data.scene_names import SceneWarning
-from tmca.errors import DataError, check_choice
+from tmca.data.spectral_depth import scene_parts
+from tmca.errors import check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
 
 Kind = Literal["spectral", "light-field", "spectral-depth"]
+Bands = Int | Literal["up to 12"]
 
 
 class DarkScene(SceneWarning):
     """A scene without light."""
 
 
+@checked
 def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> xr.DataArray | xr.Dataset:
     """A scene for any camera.
 
@@ -42,7 +49,7 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
 
     Raises:
         DataError: no such file or scene, or one that cannot be used.
-        SettingError: an unknown kind, or an argument that the scene does not allow.
+        SettingError: an unknown kind, or an unknown argument, one of another type, or that the scene does not allow.
     """
     readers: dict[str, Callable[..., xr.DataArray | xr.Dataset]] = {
         "spectral": load_scene, "light-field": load_light_field, "spectral-depth": load_spectral_depth,
@@ -53,36 +60,40 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
 
 
 def scene_kind(source: str | Path) -> Kind:
-    """Which camera a scene is for, as `describe` says of its files.
+    """Which camera a scene is for, as its files say.
 
     Raises:
-        DataError: a file that cannot be described.
+        DataError: a file that cannot be opened.
     """
-    rendered = str(source) in rendered_names() and not Path(source).exists()
-    if rendered or not (Path(source).exists() or rgbd_sources(source)):
+    if holds_rgbd(source):
+        return "spectral-depth"
+    if not Path(source).exists():
         return "spectral"
-    about = describe(source)
-    if about["kind"] == "light field":
-        return "light-field"
-    with_depth = about["kind"] in ("spectral-depth scene", "RGB-D scene") or "pixels" in (about.get("depth") or {})
-    return "spectral-depth" if with_depth else "spectral"
+    if scene_parts(Path(source)) is not None:
+        return "spectral-depth"
+    with open_contents(source) as contents:
+        if find_light_field(contents) is not None:
+            return "light-field"
+        return "spectral-depth" if "pixels" in (depth_in(contents) or {}) else "spectral"
 
 
+@checked
 def load_scene(
     source: str | Path,
     *,
-    bands: int | None = 12,
-    size: tuple[int, int] | None = None,
-    wavelengths: Sequence[float] | None = None,
+    bands: Bands | None = "up to 12",
+    size: IntPair | None = None,
+    wavelengths: Floats | None = None,
     variable: str | None = None,
-    scale: float | None = None,
+    scale: Float | None = None,
     negative: Negative = "error",
 ) -> xr.DataArray:
     """A spectral cube of ``bands`` bands.
 
     Args:
         source: a file or folder that ``tmca.data.read`` reads, or the name of a rendered scene (``coffee``).
-        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands.
+        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands, and so does
+            ``"up to 12"`` of a file with fewer.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
@@ -94,18 +105,18 @@ def load_scene(
 
     Raises:
         DataError: no such file or scene, or a file that cannot be used.
-        SettingError: a crop larger than the scene.
+        SettingError: a crop larger than the scene, an unknown argument, or one of another type.
     """
     name = str(source)
-    if not Path(name).exists() and name in rendered_names():
+    if is_rendered(name):
         cube = rendered_scene(name)["radiance"]
     elif not Path(name).exists() and not Path(name).suffix:
         refuse_rgbd(name)
-        raise DataError(
-            name, "no such file, folder or rendered scene", f"a path, or one of {', '.join(rendered_names())}"
-        )
+        raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
+    if bands == "up to 12":
+        bands = 12 if cube.sizes["wavelength"] >= 12 else None
     if bands is not None:
         cube = select_bands(cube, bands)
     cube = cube if size is None else middle_of(cube, size, name)

@@ -15,7 +15,7 @@ from tmca.data.depth_maps import UNKNOWN, label_depth, labelled_kinds, read_dept
 from tmca.data.fitting import centre_window, check_depth_range
 from tmca.data.formats import envi
 from tmca.data.formats.opening import is_zarr, open_contents
-from tmca.data.pixels import area_average, nearest
+from tmca.data.pixels import area_average, nearest, wrong_size
 from tmca.data.rendering.photographs import WHITE, staged_depth
 from tmca.data.rendering.pictures import COARSE, Materials, generator, regions_of, smooth_field, spectral_from_rgb
 from tmca.data.rgbd import read_rgbd, refuse_rgbd
@@ -108,8 +108,7 @@ def label_spectral_depth(cube: xr.DataArray, depth: xr.DataArray, attrs: dict[st
     if cube.dims != ("wavelength", "y", "x"):
         raise DataError(where, f"dims {cube.dims}", "a spectral cube (wavelength, y, x)")
     if cube.shape[1:] != depth.shape:
-        sizes = [f"{height}×{width}" for height, width in (depth.shape, cube.shape[1:])]
-        raise DataError(where, f"a depth map of {sizes[0]} pixels", f"{sizes[1]} as its cube has", "crop one of them")
+        raise wrong_size(where, "a depth map", depth.shape, cube.shape[1:], "its cube has")
     # The labels of the pixels are the cube's: a depth map of another file may count them differently.
     plain = depth.drop_vars([name for name in depth.coords if name != UNKNOWN])
     plain = plain.assign_coords({d: cube[d] for d in ("y", "x") if d in cube.coords})
@@ -135,14 +134,14 @@ def scene_parts(path: Path) -> tuple[Path, Path] | None:
 
 def _part(folder: Path, names: Iterable[str]) -> Path | None:
     """The entry of the folder with one of the names; of an ENVI pair the header."""
-    found = [entry for entry in sorted(folder.iterdir()) if entry.stem.lower() in names]
-    headers = {entry.with_suffix("") for entry in found if entry.suffix.lower() == ".hdr"}
+    entries = [entry for entry in sorted(folder.iterdir()) if entry.stem.lower() in names]
+    headers = {entry.with_suffix("") for entry in entries if entry.suffix.lower() == ".hdr"}
     data = envi.DATA_SUFFIXES
-    found = [e for e in found if e.suffix.lower() not in data or e.is_dir() or e.with_suffix("") not in headers]
-    if len(found) > 1:
-        there, one = ", ".join(entry.name for entry in found), " or ".join(f"{name}.*" for name in names)
+    entries = [e for e in entries if e.suffix.lower() not in data or e.is_dir() or e.with_suffix("") not in headers]
+    if len(entries) > 1:
+        there, one = ", ".join(entry.name for entry in entries), " or ".join(f"{name}.*" for name in names)
         raise DataError(folder, f"{there} side by side", f"one {one}", "take the others away")
-    return found[0] if found else None
+    return entries[0] if entries else None
 
 
 def _beside(path: Path) -> tuple[str | None, dict[str, Any]]:
@@ -233,9 +232,9 @@ def drawn_nearness(shape: tuple[int, int], rng: np.random.Generator, kind: Placi
 
 
 def _dataset(cube: xr.DataArray, depth: NDArray[np.float32], about: dict[str, object]) -> xr.Dataset:
-    kept = {key: cube.attrs[key] for key in ("name", "source") if key in cube.attrs}
+    named = {key: cube.attrs[key] for key in ("name", "source") if key in cube.attrs}
     depths = label_depth(depth, "depth", {"depth_from": f"drawn: {about['placed']}"})
-    return label_spectral_depth(cube.astype(np.float32), depths, {**kept, **about, "metric": True})
+    return label_spectral_depth(cube.astype(np.float32), depths, {**named, **about, "metric": True})
 
 
 def false_colours(cube: xr.DataArray) -> NDArray[np.float32]:

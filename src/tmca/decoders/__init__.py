@@ -3,7 +3,6 @@
 from tmca.decoders import adapted, kriging, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
 from tmca.decoders.decoder import (
-    DECODERS,
     Decoder,
     Prepared,
     Raw,
@@ -31,6 +30,7 @@ from tmca.decoders.pnp import (
     subspace_denoiser,
     tv_denoiser,
 )
+from tmca.decoders.registry import DECODERS
 from tmca.decoders.settings import settings_of
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm

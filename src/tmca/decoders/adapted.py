@@ -18,20 +18,14 @@ from tmca.decoders.lmmse import (
     Places,
     blend_weights,
     equal_windows,
-    spread_out,
+    evenly_chosen,
     usual_stride,
 )
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import (
-    BlockGrid,
-    BlockModel,
-    BlockPosterior,
-    GaussianPrior,
-    GaussianSolver,
-    sufficient_precision,
-)
+from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128
@@ -149,7 +143,7 @@ class Frame:
         """The priors of the next iteration."""
         blend, unknown = self._blend(snapshot, priors, scatter=True), dict[Tile, _Unknown]()
         for tile, places, solver in self._solved(blend, priors, progress):
-            windows = self.layout.grid.code_windows(self.layout.code, spread_out(places, _SAMPLES))
+            windows = self.layout.grid.code_windows(self.layout.code, evenly_chosen(places, _SAMPLES))
             unknown[tile] = _Unknown.of(priors[tile], solver.posterior(windows))
         scene = blend.result()
         return priors | {tile: self._fitted(tile, priors[tile], scene, unknown[tile]) for tile in unknown}
@@ -209,6 +203,11 @@ class AdaptedLMMSE(LMMSE):
     name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
     iterations: int = ITERATIONS
     tile: int | None = TILE
+
+    def __post_init__(self) -> None:
+        check_range("iterations", self.iterations, 0, whole=True)
+        if self.tile is not None:
+            check_range("tile", self.tile, 1, whole=True)
 
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)

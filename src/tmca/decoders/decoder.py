@@ -8,25 +8,22 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import cache
-from importlib.metadata import entry_points
+from dataclasses import MISSING, dataclass, field, replace
 from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
-from warnings import warn
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import CAMERAS, Camera, Snapshot
+from tmca.codes.files import differing
 from tmca.decoders.estimate import Estimate
-from tmca.decoders.settings import checked_settings
+from tmca.decoders.registry import DECODERS, load_plugins, register
+from tmca.decoders.settings import checked_settings, settings_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
 from tmca.priors import Prior, find_prior
 
-DECODERS: dict[str, type[Decoder]] = {}
-"""Every decoder by its name; `decoders` also has those of plug-ins."""
 Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
 _USUAL = ("lmmse", "likelihood")
@@ -41,10 +38,6 @@ def one_by_one(values: Tensor, progress: Progress | None) -> Iterator[tuple[Tens
     """The snapshots of a batch alone, each with what takes the share of it that is done."""
     for place, one in enumerate(values.split(1)):
         yield one, part_of(progress, place / len(values), (place + 1) / len(values))
-
-
-class BrokenPlugin(UserWarning):
-    """A decoder of another package that cannot be loaded."""
 
 
 @dataclass
@@ -79,12 +72,8 @@ class Decoder(ABC):
 
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
-        if "name" not in vars(cls):
-            return
-        before = DECODERS.get(cls.name)
-        if before is not None and before.__module__ != cls.__module__:
-            warn(f"decoder {cls.name} of {cls.__module__} replaces that of {before.__module__}", stacklevel=2)
-        DECODERS[cls.name] = cls
+        if "name" in vars(cls):
+            register(cls)
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
@@ -123,16 +112,26 @@ class Decoder(ABC):
             progress: called with what is done where a prior has to be learned.
 
         Raises:
-            SettingError, ShapeError, DataError: a camera that it does not decode, or a prior that does not fit.
+            SettingError, ShapeError, DataError: a camera that it does not decode, a setting of another type, or a
+                prior that does not fit.
         """
         if not _decodes(type(self), camera.kind):
             wanted = f"one of {', '.join(decoders_for(camera.kind))}"
             raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
-        chosen = self.find_prior(camera, prior, progress)
+        decoder = self._checked()
+        chosen = decoder.find_prior(camera, prior, progress)
         start = time.perf_counter()
         with torch.no_grad():
-            state = self.setup(camera, chosen)
-        return Prepared(self, camera, state, time.perf_counter() - start)
+            state = decoder.setup(camera, chosen)
+        return Prepared(decoder, camera, state, time.perf_counter() - start)
+
+    def _checked(self) -> Decoder:
+        """The decoder, every setting that is not its default being a value of its type; SettingError otherwise."""
+        defaults = {setting.name: setting.default for setting in settings_of(type(self))}
+        given = {name: getattr(self, name) for name in defaults}
+        checked = checked_settings(type(self), {name: v for name, v in given.items() if v is not defaults[name]})
+        converted = {name: value for name, value in checked.items() if type(value) is not type(given[name])}
+        return replace(self, **converted) if converted else self
 
     def __call__(
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
@@ -159,8 +158,11 @@ class Prepared:
         Raises:
             ShapeError: values of another shape.
             DataError: values that are not finite.
+            SettingError: a snapshot of another camera than the decoder was prepared for.
         """
         values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
+        if not isinstance(snapshot, Tensor):
+            self._check_camera(snapshot.camera)
         check_shape("snapshot", values, ("B", *self.camera.snapshot_shape))
         if not bool(torch.isfinite(values).all()):
             remedy = "mask or replace the bad pixels first"
@@ -177,6 +179,17 @@ class Prepared:
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         seconds = time.perf_counter() - start
         return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
+
+    def _check_camera(self, camera: Any) -> None:
+        """Raises SettingError unless a camera has the codes and the optics of the one that is prepared for."""
+        if camera is self.camera:
+            return
+        other = f"one of a {camera.kind} camera"
+        if camera.kind == self.camera.kind:
+            parts = differing(self.camera.variables(), camera.variables())
+            other = f"one of a camera with other {', '.join(parts)}" if parts else ""
+        if other:
+            raise SettingError("snapshot", other, "one of the camera prepared for", "call prepare(snapshot.camera)")
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:
@@ -238,7 +251,12 @@ def make_decoder(
     if not issubclass(cls, Decoder):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
     checked = checked_settings(cls, settings) if settings else {}
-    return replace(decoder, **checked) if isinstance(decoder, Decoder) else decoder(**checked)
+    if isinstance(decoder, Decoder):
+        return replace(decoder, **checked)
+    for setting in settings_of(cls):
+        if setting.default is MISSING and setting.name not in checked:
+            raise SettingError(setting.name, "nothing", f"a {setting.type}: {cls.name} has no default of it")
+    return decoder(**checked)
 
 
 def usual_decoder(kind: str) -> str:
@@ -261,13 +279,3 @@ def decoders() -> Mapping[str, type[Decoder]]:
     """All decoders by name, those of plug-ins included."""
     load_plugins()
     return DECODERS
-
-
-@cache
-def load_plugins() -> None:
-    """Import what other packages name in the entry-point group ``tmca.decoders``; what fails is warned of."""
-    for point in entry_points(group="tmca.decoders"):
-        try:
-            point.load()
-        except Exception as error:
-            warn(f"decoder {point.name} ({point.value}) cannot be loaded: {error}", BrokenPlugin, stacklevel=2)

@@ -16,8 +16,8 @@ from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.windows import RowBuffer
 from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
-from tmca.priors.gaussian import BlockGrid, BlockModel
 from tmca.sensor import Noise
 
 METHODS, MERGES = ("omp", "lasso"), ("median", "mean")

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+_COLOURS = 3
 PLANES = "depth_planes"
 """Attribute of an estimate with depth, JSON: nearest and farthest plane in metres, and their number."""
 
 
-@dataclass
+@dataclass(eq=False, repr=False)
 class Estimate:
     """The scenes that a decoder finds behind snapshots.
 
@@ -82,7 +83,8 @@ class Estimate:
         def stacked(parts: Iterable[xr.DataArray], axis: str) -> xr.DataArray:
             return xr.concat(parts, axis, coords="minimal", compat="override", join="override")
 
-        if len(values) > 1 and "colour" not in self.camera.snapshot_axes(values):
+        colours = len(values) == _COLOURS and "colour" in self.camera.snapshot_axes(values)
+        if len(values) > 1 and not colours:
             return stacked((self._label(one, meaning) for one in values.split(1)), "snapshot")
         if values.ndim > 1 + len(self.camera.scene_shape):
             return stacked((self.camera.label(slot, meaning) for slot in values.unbind(1)), "slot")

@@ -241,7 +241,7 @@ class KrigingDecoder(FrameDecoder):
 
     def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
         operator, camera = super().setup(camera, prior)
-        if camera.bands > 1 or camera.dispersion.spread or bool(((operator.shutter > 0).sum(0) > 1).any()):
+        if camera.bands > 1 or camera.dispersion.extent or bool(((operator.shutter > 0).sum(0) > 1).any()):
             raise SettingError("method", "'kriging'", "a shutter that opens every pixel within one frame, one band")
         return operator, camera
 

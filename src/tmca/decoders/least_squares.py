@@ -196,6 +196,10 @@ class TikhonovDecoder(Decoder):
     weight: float = 0.3
     iterations: int = 100
 
+    def __post_init__(self) -> None:
+        check_range("weight", self.weight, above=0)
+        check_range("iterations", self.iterations, 1, whole=True)
+
     def setup(self, camera: Any, prior: None) -> TapOperator:
         return TapOperator(camera.taps())
 

@@ -15,7 +15,8 @@ from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import check_range, check_shape
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import BlockGrid, BlockModel, GaussianSolver
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.gaussian import GaussianSolver
 from tmca.priors.mixture import MixtureSolver
 from tmca.sensor import Noise
 
@@ -131,7 +132,7 @@ class Layout:
 
     def window(self, solver: Solver) -> Tensor:
         """(L, h, w) weights of the places in a block."""
-        windows = self.grid.code_windows(self.code.detach(), spread_out(self.grid.positions))
+        windows = self.grid.code_windows(self.code.detach(), evenly_chosen(self.grid.positions))
         return blend_weights(solver.typical_variance(windows)).unflatten(0, self.grid.model.block)
 
 
@@ -218,7 +219,7 @@ def equal_windows(grid: BlockGrid, code: Tensor, places: Places | None = None) -
     return list(groups.values())
 
 
-def spread_out(places: Places, count: int = 8) -> Places:
+def evenly_chosen(places: Places, count: int = 8) -> Places:
     """A few of the positions, evenly through the list."""
     return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]
 

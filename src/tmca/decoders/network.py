@@ -11,7 +11,7 @@ from torch import Tensor
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
-from tmca.decoders.nets.weights import Weights
+from tmca.decoders.nets.weights import SHIPPED, Weights
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
@@ -32,7 +32,7 @@ class NetworkDecoder(Decoder):
         """The weights; a SettingError if there are none."""
         if self.weights is None:
             raise SettingError("weights", "none", "those of the network", "weights and the decoder network go together")
-        if str(self.weights) == "default" and camera.kind != "spectral":
+        if str(self.weights) == "default" and camera.kind not in SHIPPED:
             found = f"'default', of which none come with tmca for a {camera.kind} camera"
             raise SettingError("weights", found, f"a file or run of `tmca train {camera.kind}`")
         return self.weights if isinstance(self.weights, Weights) else Weights.find(self.weights, camera.slots)
@@ -40,9 +40,10 @@ class NetworkDecoder(Decoder):
     def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
         if given is None:
             return None
-        if camera.kind == "spectral-depth":
+        network = self.trained(camera).network
+        if isinstance(network, TwoHeadedUNet):
             raise SettingError("prior", str(given), "none beside weights, which bring their own", "leave it out")
-        kind = "mixture" if self.trained(camera).network.start == "mixture" else "gaussian"
+        kind = "mixture" if network.start == "mixture" else "gaussian"
         return find_prior(camera, given, kind, progress)
 
     def setup(self, camera: Any, prior: Any) -> tuple[CollapsedNetwork | TwoHeadedNetwork, str]:

@@ -39,6 +39,10 @@ ImageDenoiser = Callable[[NDArray[np.floating], float], NDArray[np.floating]]
 """``denoise(image (H, W), sigma) -> image``."""
 
 
+_RANK = 6
+"""Dimensions of the subspace in which most scenes lie."""
+
+
 def tv_denoiser(strength: float = 20.0, *, joint: bool = True, max_iterations: int = 50) -> Denoiser:
     """Total variation: the maximum a posteriori estimate under the prior exp(−strength · TV).
 
@@ -164,7 +168,7 @@ def pnp_admm(
         snapshot: (B, 1, H, W').
         denoise: `Denoiser`.
         noise_sigma: standard deviation of the snapshot's noise, > 0.
-        sigma: standard deviation that the denoiser is told, constant or (first, last), see `sigma_schedule`.
+        sigma: standard deviation that the denoiser works with, constant or (first, last), see `sigma_schedule`.
         max_iterations: most iterations done.
         tolerance: the iteration stops, once sigma is held, when the two copies of the scene differ by less
             than this share of its norm (primal) and the denoised one changed by less than this share of the
@@ -212,13 +216,18 @@ class PlugAndPlay(Decoder):
     """That the data step assumes, where 1 is one channel of a white scene."""
     iterations: int = 100
 
-    def denoiser(self) -> Denoiser:
+    def __post_init__(self) -> None:
+        check_range("iterations", self.iterations, 1, whole=True)
+
+    def denoiser(self, channels: int) -> Denoiser:
+        """Of cubes (B, channels, H, W)."""
         return tv_denoiser()
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
-        least = self.least_noise * exposure_gain(prepared)
+        least, operator = self.least_noise * exposure_gain(prepared), channel_operator(prepared)
+        denoise = self.denoiser(operator.scene_shape[0])
         result = pnp_admm(
-            channel_operator(prepared), values, self.denoiser(), noise_sigma=max(noise_level(prepared, values), least),
+            operator, values, denoise, noise_sigma=max(noise_level(prepared, values), least),
             max_iterations=self.iterations, progress=of_iterations(progress, self.iterations),
         )  # fmt: skip
         return result.raw()
@@ -234,7 +243,7 @@ class NonLocalMeans(PlugAndPlay):
 
     name, label = "pnp-nl-means", "PnP NL-means"
 
-    def denoiser(self) -> Denoiser:
+    def denoiser(self, channels: int) -> Denoiser:
         return nl_means_denoiser()
 
 
@@ -244,11 +253,19 @@ class Subspace(PlugAndPlay):
 
     Args:
         iterations: at most.
-        rank: dimensions of the subspace.
+        rank: dimensions of the subspace; 6 if None, or all channels where there are fewer.
     """
 
     name, label, least_noise = "pnp-subspace", "PnP subspace", 1e-2
-    rank: int = 6
+    rank: int | None = None
 
-    def denoiser(self) -> Denoiser:
-        return subspace_denoiser(tv_denoiser(5.0, joint=False, max_iterations=20), self.rank)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rank is not None:
+            check_range("rank", self.rank, 1, whole=True)
+
+    def denoiser(self, channels: int) -> Denoiser:
+        if self.rank is not None:
+            check_range("rank", self.rank, 1, channels, whole=True, remedy="the camera has no more channels")
+        rank = min(_RANK, channels) if self.rank is None else self.rank
+        return subspace_denoiser(tv_denoiser(5.0, joint=False, max_iterations=20), rank)

@@ -51,16 +51,16 @@ def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: boo
     """
     from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-    known, types = {setting.name: setting for setting in settings_of(decoder)}, get_type_hints(decoder)
+    settings, types = {setting.name: setting for setting in settings_of(decoder)}, get_type_hints(decoder)
     checked: dict[str, Any] = {}
     for name, value in given.items():
-        if name not in known:
+        if name not in settings:
             found = f"a setting of {decoder.name}" if value is None else f"{value} for {decoder.name}"
             remedy = "put @dataclass above its class" if name in vars(decoder) else "leave it out"
-            raise SettingError(name, found, f"one of {', '.join(known)}" if known else "no settings", remedy)
+            raise SettingError(name, found, f"one of {', '.join(settings)}" if settings else "no settings", remedy)
         adapter = TypeAdapter[Any](types[name], config=ConfigDict(arbitrary_types_allowed=True))
         try:
             checked[name] = adapter.validate_strings(value) if texts else adapter.validate_python(value)
         except ValidationError:
-            raise SettingError(name, repr(value), known[name].type) from None
+            raise SettingError(name, repr(value), settings[name].type) from None
     return checked

@@ -21,7 +21,7 @@ from tmca.decoders.least_squares import DataStep, energy, noise_level
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError, check_range
 from tmca.operators import SlotwiseDisperser
-from tmca.operators.linear import LinearOperator
+from tmca.operators.linear import LinearOperator, exposure_weight
 
 _BLOCK, _STRIDE = (16, 16, 16), 4
 _TOGETHER = 64  # blocks that the processor's cache holds
@@ -181,13 +181,13 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     aperture, shutter = camera.codes()
     slots = len(aperture)
     if frames < 1 or slots % frames:
-        raise SettingError("--frames", str(frames), f"a divisor of the {slots} slots")
+        raise SettingError("frames", str(frames), f"a divisor of the {slots} slots")
     if bool((aperture != aperture[:1]).any()):
         raise SettingError("snapshot", "an aperture that changes from slot to slot", "the same in all slots")
     if any(float(d) != round(d) for d in camera.dispersion.displacement):
         raise SettingError("dispersion", "parts of pixels", "displacements by whole pixels")
     merged = shutter.unflatten(0, (frames, slots // frames)).sum(1)
-    weight = 1.0 if camera.exposure == "per-slot" else 1 / slots
+    weight = exposure_weight(camera.exposure, slots)
     still = aperture[:1].expand(frames, -1, -1)
     return FrameOperator(still, merged * weight, camera.dispersion, camera.response, "per-slot", moving=True)
 
@@ -222,6 +222,11 @@ class SpaceTimeDecoder(FrameDecoder):
     name, label = "space-time-dct", "space-time DCT"
     threshold: float | None = None
     iterations: int = 40
+
+    def __post_init__(self) -> None:
+        if self.threshold is not None:
+            check_range("threshold", self.threshold, above=0)
+        check_range("iterations", self.iterations, 2, whole=True)
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Tensor:
         return torch.cat([self._frames(*prepared, one, report) for one, report in one_by_one(values, progress)])

@@ -319,6 +319,11 @@ class VariationDecoder(Decoder):
     tv_weight: float | None = None
     iterations: int = 300
 
+    def __post_init__(self) -> None:
+        if self.tv_weight is not None:
+            check_range("tv_weight", self.tv_weight, 0)
+        check_range("iterations", self.iterations, 1, whole=True)
+
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         weight = self._usual_weight(prepared, values) if self.tv_weight is None else self.tv_weight
         result = admm_tv(

@@ -8,6 +8,7 @@ from math import floor
 from statistics import stdev
 from typing import Any
 
+from tmca.arguments import checked
 from tmca.design.kinds import designable, hold_throughput
 from tmca.design.search import SURVEY, Design, Effort, Parts, Progress, decibels, search
 from tmca.design.transfer import Examples
@@ -24,6 +25,7 @@ _LIGHT = 0.02
 """How far the light of codes may be from the share that is asked for."""
 
 
+@checked
 @dataclass(frozen=True)
 class SensorSheet:
     """A sensor and its modulator as their data sheets give them.

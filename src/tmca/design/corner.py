@@ -15,7 +15,7 @@ def corner_conditioning(camera: SpectralCamera, rows: int = 2, columns: int = 40
     Rows do not mix in a disperser, so that few of them tell what there is to tell.
     """
     height, width = min(rows, camera.size[0]), min(columns, camera.size[1])
-    build, wide = single_disperser, camera.dispersion.spread
+    build, wide = single_disperser, camera.dispersion.extent
     aperture_width, shutter_width = width, width + wide
     if camera.disperser == "dual":
         build, aperture_width, shutter_width = dual_disperser, width + wide, width

@@ -19,7 +19,8 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.errors import SettingError, check_shape
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import BlockModel, GaussianPrior, noise_variance
+from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import GaussianPrior, noise_variance
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.sensor import Noise
 
@@ -61,9 +62,9 @@ class BlockMse:
         pixels = model.pixels()
         flat, shape = pixels.flatten(), (*pixels.shape, *pixels.shape)
         rows = prior.rows(flat, torch.float64)
-        middle = model.in_judged(rows)
+        middle = model.in_valid(rows)
         reach = (middle @ middle.mT) / middle.shape[1]
-        variance = float(model.in_judged(prior.variance).mean())
+        variance = float(model.in_valid(prior.variance).mean())
         mean = prior.mean.reshape(-1).double()[pixels]
         return cls(model, rows[:, flat].reshape(shape), reach.reshape(shape), mean, variance, read_noise, shot)
 

@@ -81,8 +81,7 @@ def learnable(camera: CodedCamera) -> list[nn.Parameter]:
 
 def throughput_of(camera: CodedCamera) -> Tensor:
     """Mean of T̂ as a differentiable scalar, share of a white scene's light under equal exposure."""
-    share = camera.code_cube().mean()
-    return share / camera.slots if camera.exposure == "per-slot" else share
+    return camera.code_cube().mean() / camera.exposures
 
 
 @torch.no_grad()

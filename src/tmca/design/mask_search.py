@@ -265,11 +265,11 @@ class _Search:
         best = min(runs, key=lambda run: run.confusion)
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
-            judged = []
+            errors_of_runs = []
             for run in runs:
-                judged.append(self.judge(run.camera))
+                errors_of_runs.append(self.judge(run.camera))
                 part()(1.0)
-            best, errors = runs[judged.index(min(judged))], (min(judged), judged[-1])
+            best, errors = runs[errors_of_runs.index(min(errors_of_runs))], (min(errors_of_runs), errors_of_runs[-1])
         seconds, covariance = time.process_time() - begun, self.task.covariance(best.camera, self.prior)
         designed, others = (self.task.information(camera, self.prior) for camera in (best.camera, random))
         return MaskCandidate(

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import windows
-from tmca.priors.gaussian import BlockModel
+from tmca.priors.blocks import BlockModel
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def measures(camera: CodedCamera, *, block: tuple[int, int] = (4, 24), blocks: i
     return CodeMeasures(
         throughput=camera.throughput(),
         contrast=float(cube.std(correction=0) / cube.mean()) if cube.any() else 0.0,
-        levels=_levels(cube / (camera.slots if camera.exposure == "per-slot" else 1)),
+        levels=_levels(cube / camera.exposures),
         band_correlation=_correlation(cube),
         singular_values=torch.linalg.svdvals(matrices).mean(0),
         coherence=float(max(_coherence(matrix, model.block) for matrix in matrices)),

@@ -13,7 +13,8 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, quadratic, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
-from tmca.priors.gaussian import BlockModel, GaussianPrior, noise_variance
+from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import GaussianPrior, noise_variance
 from tmca.priors.statistics import pooled
 from tmca.sensor import Noise
 
@@ -50,10 +51,10 @@ class TransferMse:
         pixels, moved = model.pixels(), scene.around(prior.mean)
         flat, shape = pixels.flatten(), error.covariance.shape
         true, expected = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
-        crossed = model.in_judged(true) @ model.in_judged(expected).mT
-        crossed = (crossed + crossed.mT) / (2 * model.in_judged(true[:1]).shape[1])
+        crossed = model.in_valid(true) @ model.in_valid(expected).mT
+        crossed = (crossed + crossed.mT) / (2 * model.in_valid(true[:1]).shape[1])
         mean = scene.mean.reshape(-1).double()[pixels]
-        variance = float(model.in_judged(moved.variance).mean())
+        variance = float(model.in_valid(moved.variance).mean())
         return cls(error, true[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
 
     def __call__(self, seen: Tensor, read_noise: float, shot: float) -> Tensor:

@@ -58,7 +58,7 @@ class SpectralEvaluation(CameraEvaluation):
 
     def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
         """See ``CameraEvaluation``: for one pixel of dispersion between bands."""
-        return {"spread": study.reading["bands"] - 1}
+        return {"extent": study.reading["bands"] - 1}
 
     def training_scenes(
         self,
@@ -81,7 +81,7 @@ class SpectralEvaluation(CameraEvaluation):
     def prior_settings(self, prior_kind: str, settings: Settings, reading: Settings) -> Settings:
         """See ``CameraEvaluation``: how far the camera disperses."""
         camera = self.build({"bands": reading["bands"], "size": (64, 64)}, settings, {})
-        return {"spread": camera.dispersion.spread}
+        return {"extent": camera.dispersion.extent}
 
     def checks_after(
         self,

@@ -192,8 +192,9 @@ class Study(Strict):
         for name, noise in self.noises.items():
             try:
                 Sensor(**noise)
-            except TypeError:
-                raise SettingError(f"noises.{name}", ", ".join(noise), "arguments of a Sensor") from None
+            except SettingError as error:
+                where = f"noises.{name}.{error.where}"
+                raise SettingError(where, error.found, error.expected, error.remedy) from None
         object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
 

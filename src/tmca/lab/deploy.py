@@ -10,9 +10,8 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,17 +20,13 @@ from torch import Tensor, nn
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path, check_target, make_folder, write_json
-from tmca.decoders import Weights
+from tmca.decoders import Estimate, Weights
 from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
 from tmca.lab.importing import WITHHELD
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise, Sensor
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 DESCRIPTION = "decoder.json"
 _UNITS = "1 is one band of a white scene through open codes"
@@ -43,7 +38,13 @@ fiftieth of what one closed pixel of ten million changes."""
 
 
 class DecoderFile(BaseModel):
-    """One file of an exported decoder, and its largest difference from the network's estimate."""
+    """One file of an exported decoder.
+
+    Args:
+        format: ``"torch"`` or ``"onnx"``.
+        file: its name in the folder.
+        error: largest difference from the decoder in torch, as a share of its largest value.
+    """
 
     format: str
     file: str
@@ -87,8 +88,8 @@ def code_marks(taps: Taps) -> list[float]:
     for turn in _TURNS:
         bands = np.exp(2j * np.pi * turn * (np.array(taps.channels) * turn + np.array(taps.offsets) * turn**2))
         along_y, along_x = np.exp(2j * np.pi * turn * rows), np.exp(2j * np.pi * turn**2 * columns)
-        found = np.einsum("t,ty,y->", bands, code @ along_x, along_y)
-        marks += [float(found.real), float(found.imag)]
+        projection = np.einsum("t,ty,y->", bands, code @ along_x, along_y)
+        marks += [float(projection.real), float(projection.imag)]
     return marks
 
 
@@ -121,12 +122,12 @@ def read_description(folder: Path) -> Description:
 
 def check_shapes(about: Description, camera: SpectralCamera, where: object) -> None:
     """Raises DataError unless snapshot, scene and bands of a camera are those of the decoder."""
-    for name, own, wanted in (
+    for name, shape, wanted in (
         ("a snapshot", camera.snapshot_shape, about.snapshot[1:]),
         ("a scene", camera.scene_shape, about.scene[1:]),
     ):
-        if own != wanted:
-            raise DataError(where, f"{name} of shape {(1, *own)}", f"{(1, *wanted)} as the decoder's")
+        if shape != wanted:
+            raise DataError(where, f"{name} of shape {(1, *shape)}", f"{(1, *wanted)} as the decoder's")
     if not same_bands(camera.wavelengths, about.wavelengths_m):
         found, expected = (_said(waves) for waves in (camera.wavelengths, about.wavelengths_m))
         raise DataError(where, f"bands from {found}", f"{expected} as the decoder's")
@@ -141,7 +142,7 @@ def check_camera(about: Description, camera: Any, where: object, *, withheld: bo
         where: file of the snapshot or of the weights.
         withheld: pixels of the snapshot are, which closes their shutter.
     """
-    if not isinstance(camera, SpectralCamera):
+    if camera.kind != SpectralCamera.kind:
         raise DataError(where, f"a {camera.kind} camera", "the spectral camera of the decoder")
     check_shapes(about, camera, where)
     with torch.no_grad():
@@ -163,21 +164,6 @@ _CLOSE = 1e-3
 """Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
 
 
-@dataclass(frozen=True)
-class Exported:
-    """One file of an exported decoder.
-
-    Args:
-        format: ``"torch"`` or ``"onnx"``.
-        path: of the file.
-        error: largest difference from the decoder in torch, as a share of its largest value.
-    """
-
-    format: str
-    path: Path
-    error: float
-
-
 def export_decoder(
     run: str | Path,
     out: str | Path,
@@ -186,7 +172,7 @@ def export_decoder(
     size: tuple[int, int] | None = None,
     noise: float | None = None,
     overwrite: bool = False,
-) -> list[Exported]:
+) -> list[DecoderFile]:
     """Write the decoder of a training run as files that need no tmca, each checked on random input.
 
     Args:
@@ -211,12 +197,12 @@ def export_decoder(
     camera = _camera(weights, size, sensor=_sensor(weights, noise))
     decoders = {one: _fixed(weights, camera, camera.noise, one) for one in formats}
     make_folder(folder)
-    found = [
+    files = [
         _written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite)
         for one, decoder in decoders.items()
     ]
-    write_description(_described(weights, camera, decoders[formats[0]], found), folder, overwrite=overwrite)
-    return found
+    write_description(_described(weights, camera, decoders[formats[0]], files), folder, overwrite=overwrite)
+    return files
 
 
 def _camera(weights: Weights, size: tuple[int, int] | None, **changes: Any) -> SpectralCamera:
@@ -234,16 +220,17 @@ def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise, format: str) 
     return CameraDecoder(weights, operator, noise, _OPERATORS[format]).eval()
 
 
-def _described(weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, found: list[Exported]) -> Description:
+def _described(
+    weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, files: list[DecoderFile]
+) -> Description:
     return Description(
         weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
         wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
-        codes=tuple(code_marks(decoder.operator.taps)),
-        files=tuple(DecoderFile(format=one.format, file=one.path.name, error=one.error) for one in found),
+        codes=tuple(code_marks(decoder.operator.taps)), files=tuple(files),
     )  # fmt: skip
 
 
-def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Exported]:
+def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[DecoderFile]:
     """Compare the files of an exported decoder with the run they were made from, on random input.
 
     Raises:
@@ -254,12 +241,12 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[Ex
     camera = _camera(weights, (about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
-    files = {entry.format: Path(folder) / entry.file for entry in about.files}
-    snapshot = _random(camera.snapshot_shape, seed)
-    found = [Exported(one, file, _difference(decoder, load_exported(file), snapshot)) for one, file in files.items()]
-    for one in found:
-        _check_close(one.path, one.error)
-    return found
+    snapshot, checked = _random(camera.snapshot_shape, seed), []
+    for entry in about.files:
+        error = _difference(decoder, load_exported(Path(folder) / entry.file), snapshot)
+        _check_close(Path(folder) / entry.file, error)
+        checked.append(entry.model_copy(update={"error": error}))
+    return checked
 
 
 def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
@@ -294,15 +281,13 @@ def decoder_file(folder: str | Path, format: str) -> Path:
     return Path(folder) / files[format]
 
 
-def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tuple[xr.DataArray, float]:
-    """The scene (wavelength, y, x) of a snapshot file, and the seconds that the decoder took.
+def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> Estimate:
+    """The scene of a snapshot file, as `decode` gives it.
 
     Raises:
         DataError: a snapshot of another camera or with withheld pixels, or a file that is missing.
         SettingError: a format that was not exported.
     """
-    import xarray as xr
-
     about, file = read_description(Path(folder)), decoder_file(folder, format)
     taken = Snapshot.load(snapshot)
     check_camera(about, taken.camera, snapshot, withheld=bool(taken.notes.get(WITHHELD)))
@@ -310,14 +295,12 @@ def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> tu
     start = time.perf_counter()
     with torch.no_grad():
         scene = decoder(taken.values)
-    seconds = time.perf_counter() - start
-    coords = {"wavelength": ("wavelength", list(about.wavelengths_m), {"units": "m"})}
-    attrs = {"quantity": "relative irradiance", "units": "1", "long_name": f"scene estimated by {file.name}"}
-    cube = xr.DataArray(scene[0].numpy(), dims=("wavelength", "y", "x"), coords=coords, attrs=attrs, name="estimate")
-    return cube, seconds
+    return Estimate(scene, taken.camera, file.name, seconds=time.perf_counter() - start, notes=dict(taken.notes))
 
 
-def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool) -> Exported:
+def _written(
+    decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool
+) -> DecoderFile:
     """One file, kept only if it computes what the decoder does."""
     snapshot = _random(shape, seed=0)
     with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:
@@ -332,7 +315,7 @@ def _written(decoder: CameraDecoder, shape: tuple[int, int, int], format: str, p
             program.save(str(temporary), external_data=False)
         error = _difference(decoder, load_exported(temporary), snapshot)
         _check_close(path, error)
-    return Exported(format, path, error)
+    return DecoderFile(format=format, file=path.name, error=error)
 
 
 @contextmanager

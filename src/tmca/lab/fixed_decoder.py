@@ -74,8 +74,8 @@ class LookedUpOperator(FixedOperator):
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
         """(B, 1, H, W') → (B, L, H, W)."""
-        found = snapshot[:, 0].index_select(2, self.seen)
-        return found.unflatten(2, (-1, self.code.shape[2])).transpose(1, 2) * self.code
+        columns = snapshot[:, 0].index_select(2, self.seen)
+        return columns.unflatten(2, (-1, self.code.shape[2])).transpose(1, 2) * self.code
 
 
 class CameraDecoder(nn.Module):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import read_array
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, check_range
 from tmca.lab.quality import Doubtful
 
 Array = NDArray[np.float64]
@@ -56,8 +56,8 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
         SettingError: a saturation that is not a number above 0.
     """
     path = Path(path)
-    if saturation is not None and not (np.isfinite(saturation) and saturation > 0):
-        raise SettingError("saturation", repr(saturation), "a number above 0")
+    if saturation is not None:
+        check_range("saturation", saturation, above=0)
     if path.is_dir():
         names, arrays = _of_folder(path)
     elif path.is_file():

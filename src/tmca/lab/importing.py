@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
+from tmca.codes import Codes
 from tmca.data import checksum_of, read_array
-from tmca.errors import DataError, SettingError, TmcaError
+from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range
 from tmca.lab.frames import check_size
 from tmca.lab.notes import SATURATED
 from tmca.lab.prototype import CodedPair, PixelShutter, SingleDisperser
@@ -54,14 +55,14 @@ def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> f
         SettingError: one that is no noise.
         DataError: none is given, and the capture has none.
     """
-    if given is not None and not (np.isfinite(given) and given >= 0):
-        raise SettingError("--noise", f"{given:g}", "a standard deviation, finite and 0 or above")
-    found = dark_noise(values) if given is None else given
+    if given is not None:
+        check_range("--noise", given, 0)
+    noise = dark_noise(values) if given is None else given
     if np.ptp(values) == 0:
         raise DataError(where, f"the value {values.flat[0]:g} in every pixel", "a picture")
-    if given is None and not found:
+    if given is None and not noise:
         raise DataError(where, "no noise in the darkest fifth of its pixels", "some", "tell it with --noise")
-    return found
+    return noise
 
 
 def residuals_of(
@@ -95,13 +96,9 @@ def without_pixels(snapshot: Snapshot[SpectralCamera], gone: Tensor) -> Snapshot
         snapshot: of any spectral camera.
         gone: (H, W') True where a pixel of the sensor is withheld.
     """
-    camera = snapshot.camera
-    aperture, shutter = camera.codes()
+    aperture, shutter = snapshot.camera.codes()
     shown = (~gone).to(shutter)
-    blind = SpectralCamera(
-        bands=camera.wavelengths, size=camera.size, slots=camera.slots, aperture=aperture, shutter=shutter * shown,
-        exposure=camera.exposure, dispersion=camera.dispersion, response=camera.response, sensor=camera.sensor,
-    )  # fmt: skip
+    blind = snapshot.camera.replace(codes=Codes(aperture, shutter * shown))
     return Snapshot(snapshot.values * shown, blind, snapshot.notes)
 
 
@@ -209,8 +206,8 @@ def _shuttered(
     capture: Path, prototype: PixelShutter, name: str | None, noise: float | None
 ) -> tuple[Snapshot[SpectralCamera], Array]:
     """The snapshot, and the part of the capture that its shutter covers in its own numbers."""
-    if name not in prototype.captures:
-        raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
+    check_choice("--name", name, prototype.captures)
+    name = str(name)
     pair = prototype.captures[name]
     values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
@@ -248,10 +245,10 @@ def read_plane(file: Path, key: str | None) -> Array:
     Raises:
         DataError: something else.
     """
-    found = np.squeeze(read_array(file, key))
-    if found.dtype.kind not in "uifb":
-        raise DataError(file, f"{key or 'an array'} of type {found.dtype}", "real numbers", "save its values alone")
-    values = found.astype(np.float64)
+    plane = np.squeeze(read_array(file, key))
+    if plane.dtype.kind not in "uifb":
+        raise DataError(file, f"{key or 'an array'} of type {plane.dtype}", "real numbers", "save its values alone")
+    values = plane.astype(np.float64)
     if values.ndim != 2 or not np.isfinite(values).all():
         raise DataError(file, f"{key or 'an array'} of shape {values.shape}", "a finite picture (rows, columns)")
     return values

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import Snapshot, SpectralCamera
+from tmca.codes import Codes
 from tmca.errors import check_range
 from tmca.lab.importing import without_pixels
 from tmca.metrics import psnr, sam
@@ -95,8 +96,5 @@ def part_of(camera: SpectralCamera, rows: slice, columns: slice) -> SpectralCame
     """The same camera behind a part of its codes, in scene pixels."""
     aperture, shutter = camera.codes()
     seen = slice(columns.start, columns.stop + shutter.shape[2] - camera.size[1])
-    return SpectralCamera(
-        bands=camera.wavelengths, size=(rows.stop - rows.start, columns.stop - columns.start), slots=camera.slots,
-        aperture=aperture[:, rows, columns], shutter=shutter[:, rows, seen], exposure=camera.exposure,
-        dispersion=camera.dispersion, response=camera.response, sensor=camera.sensor,
-    )  # fmt: skip
+    size = (rows.stop - rows.start, columns.stop - columns.start)
+    return camera.replace(size=size, codes=Codes(aperture[:, rows, columns], shutter[:, rows, seen]))

@@ -86,8 +86,8 @@ def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
         frames = read_json(file, "what `tmca capture` wrote").get("frames") if file.is_file() else {}
         if not isinstance(frames, dict) or not all(isinstance(about, dict) for about in frames.values()):
             raise DataError(file, "no list of captures", "what `tmca capture` wrote", "take an unchanged copy")
-        own = frames if source.is_dir() else {source.stem: frames.get(source.stem, {})}
-        dates += [parsed_date(about["taken"], file).astimezone(UTC) for about in own.values() if "taken" in about]
+        chosen = frames if source.is_dir() else {source.stem: frames.get(source.stem, {})}
+        dates += [parsed_date(about["taken"], file).astimezone(UTC) for about in chosen.values() if "taken" in about]
     return min(dates, default=None)
 
 

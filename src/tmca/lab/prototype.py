@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from importlib.resources import files
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.registering import MaskImage
+from tmca.specs.base import read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Nanometres = Annotated[float, Field(gt=100, lt=100_000, allow_inf_nan=False)]
@@ -123,7 +123,7 @@ _ADAPTER: TypeAdapter[SingleDisperser | PixelShutter] = TypeAdapter(Prototype)
 
 def prototype_names() -> list[str]:
     """Prototypes that come with the package."""
-    return sorted(Path(entry.name).stem for entry in _folder().iterdir() if entry.name.endswith(".yaml"))
+    return sorted(file.stem for file in _folder().glob("*.yaml"))
 
 
 def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
@@ -134,28 +134,17 @@ def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
         DataError: a description with something missing, unknown or impossible; the first of them is named.
     """
     if str(name) in prototype_names():
-        text = (_folder() / f"{name}.yaml").read_text(encoding="utf-8")
-    elif Path(name).is_file():
-        text = Path(name).read_text(encoding="utf-8", errors="replace")
-    else:
+        file = _folder() / f"{name}.yaml"
+    elif not (file := Path(name)).is_file():
         raise SettingError("--prototype", repr(str(name)), f"{', '.join(prototype_names())}, or a YAML file")
-    return _checked(text, str(name))
-
-
-def _checked(text: str, where: str) -> SingleDisperser | PixelShutter:
-    import yaml
-
     try:
-        described: Any = yaml.safe_load(text)
-        return _ADAPTER.validate_python(described)
-    except yaml.YAMLError as error:
-        raise DataError(where, f"no readable YAML ({' '.join(str(error).split())})", "a prototype") from None
+        return _ADAPTER.validate_python(read_yaml(file, "the description of a prototype"))
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the description"
         found = f"{place}: {first['msg'].removeprefix('Value error, ')}"
-        raise DataError(where, found, "the description of a prototype", "docs/real-captures.md has one") from None
+        raise DataError(name, found, "the description of a prototype", "docs/real-captures.md has one") from None
 
 
-def _folder() -> Any:
-    return files("tmca.lab") / "prototypes"
+def _folder() -> Path:
+    return Path(__file__).parent / "prototypes"

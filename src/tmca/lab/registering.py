@@ -119,13 +119,13 @@ def block_shifts(
     """
     steps = np.arange(-reach, reach + 0.1, 0.2)
     masks = [fine_part(registered(mask, MaskImage(shift=(step, 0.0), blur=blur))) for step in steps]
-    flat, found = fine_part(flattened(capture, black)), []
+    flat, blocks = fine_part(flattened(capture, black)), []
     for top, left in _blocks(np.asarray(capture, dtype=np.float64) - black, side, 0.1):
         block = flat[top : top + side, left : left + side]
         shares = np.array([explained(block, one, top, left, offsets)[0] for one in masks])
         best = int(np.clip(shares.argmax(), 1, len(steps) - 2))
-        found.append((top + side / 2, left + side / 2, _peak(steps, shares, best), float(shares.max())))
-    return np.array(found).reshape(-1, 4)
+        blocks.append((top + side / 2, left + side / 2, _peak(steps, shares, best), float(shares.max())))
+    return np.array(blocks).reshape(-1, 4)
 
 
 def register_mask(
@@ -177,14 +177,16 @@ def _peak(places: Array, values: Array, at: int) -> float:
 
 def _line(x: Array, y: Array, weights: Array) -> tuple[Array, float]:
     """Intercept and slope of a line through points, three rounds without what lies three deviations away."""
-    kept = np.ones(len(x), dtype=bool)
+    inliers = np.ones(len(x), dtype=bool)
     line: Array = np.zeros(2)
     deviation = 0.0
     for _ in range(3):
-        line = np.asarray(np.polynomial.polynomial.polyfit(x[kept], y[kept], 1, w=weights[kept]), dtype=np.float64)
+        line = np.asarray(
+            np.polynomial.polynomial.polyfit(x[inliers], y[inliers], 1, w=weights[inliers]), dtype=np.float64
+        )
         away = np.abs(y - line[0] - line[1] * x)
-        deviation = float(np.sqrt(np.mean(away[kept] ** 2)))
-        kept = away <= max(3 * deviation, 0.05)
+        deviation = float(np.sqrt(np.mean(away[inliers] ** 2)))
+        inliers = away <= max(3 * deviation, 0.05)
     return line, deviation
 
 
@@ -210,7 +212,7 @@ class ShutterPlace:
 
 
 def shutter_place(
-    values: NDArray[np.floating], shutter: NDArray[np.integer], reach: int = 6, known: tuple[int, int] | None = None
+    values: NDArray[np.floating], shutter: NDArray[np.integer], reach: int = 6, fixed: tuple[int, int] | None = None
 ) -> ShutterPlace:
     """Find the shift whose slots explain most of a capture, and the seam between the exposure's end and beginning.
 
@@ -226,12 +228,12 @@ def shutter_place(
     """
     if shutter.ndim != 3 or shutter.shape[:2] != values.shape or not (shutter.sum(-1) == 1).all():
         raise SettingError("shutter", f"patterns of shape {shutter.shape}", "(H, W, K), every pixel open in one slot")
-    if known is not None and any(abs(by) >= size for by, size in zip(known, values.shape, strict=True)):
+    if fixed is not None and any(abs(by) >= size for by, size in zip(fixed, values.shape, strict=True)):
         raise SettingError(
-            "shift", f"{known[0]},{known[1]}", f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
+            "shift", f"{fixed[0]},{fixed[1]}", f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
         )
     slots, rest, count = shutter.argmax(-1), _fine_part(values), shutter.shape[-1]
-    shift, lead = (known, np.inf) if known is not None else _best_shift(rest, slots, count, reach)
+    shift, lead = (fixed, np.inf) if fixed is not None else _best_shift(rest, slots, count, reach)
     return ShutterPlace(shift, seam_of(*overlapping(rest, slots, shift), count), lead)
 
 
@@ -253,8 +255,8 @@ def overlapping(
     values: NDArray[Any], patterns: NDArray[Any], shift: tuple[int, int]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """The pixels of a capture (H, W) that displaced patterns (H, W, …) lie on, and those patterns."""
-    own, of = zip(*(_parts(s, n) for s, n in zip(shift, values.shape, strict=True)), strict=True)
-    return values[own], patterns[of]
+    inside, of = zip(*(_parts(s, n) for s, n in zip(shift, values.shape, strict=True)), strict=True)
+    return values[inside], patterns[of]
 
 
 def _parts(shift: int, size: int) -> tuple[slice, slice]:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass
 from math import prod
+from warnings import warn
 
 import numpy as np
 import torch
@@ -20,6 +21,8 @@ from tmca.errors import SettingError, check_choice, check_shape
 EXPOSURES = ("equal", "per-slot")
 _TOLERANCE = {torch.float32: 1e-6, torch.float64: 1e-11}
 _LARGEST = 20_000
+_GROWTH = 100.0
+"""An iteration whose residual ends this far above its least leads nowhere."""
 
 
 def exposure_weight(exposure: str, slots: int) -> float:
@@ -44,6 +47,7 @@ def conjugate_gradients(
     start: Tensor | None = None,
     preconditioner: Tensor | None = None,
     progress: Callable[[float], None] | None = None,
+    watch: Callable[[Tensor, Tensor], None] | None = None,
 ) -> Tensor:
     """Solve ``apply(x) + shift · x = right`` for a batch, each entry with steps of its own (Hestenes, Stiefel 1952).
 
@@ -57,6 +61,7 @@ def conjugate_gradients(
         start: a solution that is near, such as that of the iteration before; zero if None.
         preconditioner: (…) near inverse of the diagonal.
         progress: called with the share of the steps that is done.
+        watch: called after every step with the solution and the squared norms (B, 1, …) of the residual.
     """
     shifted = isinstance(shift, Tensor) or shift != 0
 
@@ -82,7 +87,34 @@ def conjugate_gradients(
         direction = scaled + energy / previous.clamp_min(tiny) * direction
         if progress is not None:
             progress(step / steps)
+        if watch is not None:
+            watch(solution, inner(residual, residual))
     return solution
+
+
+class Diverged(UserWarning):
+    """An iteration that was stopped because its residual grew."""
+
+
+class _Best:
+    """The iterate of every entry of a batch that left the least residual, and whether the last is far beyond it."""
+
+    def __init__(self, right: Tensor) -> None:
+        self.solution, self.first = torch.zeros_like(right), _inner(right, right)
+        self.residual = self.last = self.first
+
+    def __call__(self, solution: Tensor, residual: Tensor) -> None:
+        better = residual < self.residual
+        self.solution = torch.where(better, solution, self.solution)
+        self.residual, self.last = torch.where(better, residual, self.residual), residual
+
+    def diverged(self) -> bool:
+        return bool((~(self.last <= _GROWTH**2 * self.residual)).any())
+
+    def share(self) -> float:
+        """Norm of the least residual over that of the right-hand side, the largest of all entries."""
+        shares = self.residual / self.first.clamp_min(torch.finfo(self.first.dtype).tiny)
+        return float(shares.max().sqrt())
 
 
 def _inner(one: Tensor, other: Tensor) -> Tensor:
@@ -143,9 +175,21 @@ class LinearOperator(nn.Module, ABC):
         )
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
-        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``."""
+        """Least-norm scene that explains the snapshot, ``Aᵀ (A Aᵀ)⁺ snapshot``.
+
+        Warns:
+            Diverged: without a closed solution, for a snapshot that the operator cannot make, or that it can make only
+                of scenes beyond the precision; the scene is then that of the step which left the least residual.
+        """
         self._check("snapshot", snapshot)
-        return self.A_adjoint(self.gram_solve(snapshot, 0.0, steps=1000))
+        if type(self).gram_solve is not LinearOperator.gram_solve:
+            return self.A_adjoint(self.gram_solve(snapshot, 0.0))
+        best, tolerance = _Best(snapshot), _TOLERANCE[snapshot.dtype]
+        conjugate_gradients(lambda y: self.A(self.A_adjoint(y)), snapshot, tolerance=tolerance, steps=1000, watch=best)
+        if best.diverged():
+            found = f"its best scene leaves {best.share():.2g} of the snapshot's norm"
+            warn(f"A_dagger diverges: {found}; use a regularised decoder such as tikhonov", Diverged, stacklevel=2)
+        return self.A_adjoint(best.solution)
 
     def prox_l2(self, point: Tensor, snapshot: Tensor, rho: float | Tensor) -> Tensor:
         """``argmin_x ½‖A x − snapshot‖² + ρ/2 ‖x − point‖²``, solved in the space of the snapshot.

@@ -28,7 +28,7 @@ def single_disperser(
 
     Args:
         aperture: (K, H, W) T^k in [0, 1].
-        shutter: (K, H, W') S^k in [0, 1], W' = W + dispersion.spread.
+        shutter: (K, H, W') S^k in [0, 1], W' = W + dispersion.extent.
         dispersion: displacement of every band, pixels.
         response: (L,) sensor response κ_ℓ; ones if None.
         exposure: ``"equal"`` or ``"per-slot"``.
@@ -53,7 +53,7 @@ def dual_disperser(
     """Prism, mask, opposite prism: the spectrum is recombined before the sensor,
     ``T̂_{m,n,ℓ} = (1/K) Σ_k S^k_{m,n} T^k_{m,n-d_ℓ}`` (errata), snapshot as large as the scene, mask wider.
 
-    Arguments and errors of ``single_disperser``, but for the planes: aperture (K, H, W + dispersion.spread), shutter
+    Arguments and errors of ``single_disperser``, but for the planes: aperture (K, H, W + dispersion.extent), shutter
     (K, H, W).
     """
     _check_wider("aperture", aperture, shutter, dispersion)
@@ -79,7 +79,7 @@ def coloured_code(code: Tensor, dispersion: Dispersion, response: Tensor | None 
     check_shape("coloured code", code, (dispersion.bands, "H", "W"))
     bands, offsets, weights = zip(*dispersion.taps(), strict=True)
     picked = code[list(bands)]
-    return _operator(picked, bands, offsets, picked.new_tensor(weights), response, code.shape[2] + dispersion.spread)
+    return _operator(picked, bands, offsets, picked.new_tensor(weights), response, code.shape[2] + dispersion.extent)
 
 
 def _operator(
@@ -107,8 +107,8 @@ def _with_response(scale: Tensor, bands: tuple[int, ...], response: Tensor | Non
 
 def _check_wider(where: str, plane: Tensor, narrow: Tensor, dispersion: Dispersion) -> None:
     slots, rows, columns = narrow.shape
-    remedy = f"it is the other plane's {tuple(narrow.shape)} widened by a dispersion of {dispersion.spread}"
-    check_shape(where, plane, (slots, rows, columns + dispersion.spread), remedy)
+    remedy = f"it is the other plane's {tuple(narrow.shape)} widened by a dispersion of {dispersion.extent}"
+    check_shape(where, plane, (slots, rows, columns + dispersion.extent), remedy)
 
 
 class SlotwiseDisperser(LinearOperator):

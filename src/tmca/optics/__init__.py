@@ -21,7 +21,7 @@ from tmca.optics.point_spread import (
     steep_share,
     stray_light,
 )
-from tmca.optics.spectral import Dispersion, gaussian_spread
+from tmca.optics.spectral import Dispersion, gaussian_psf
 from tmca.optics.spectral_depth import FAMILIES, MODES, DepthPlanes, PhaseMaskBench, changed_bench, mask_heights
 
 __all__ = [
@@ -47,7 +47,7 @@ __all__ = [
     "changed_bench",
     "check_mask",
     "family_parameters",
-    "gaussian_spread",
+    "gaussian_psf",
     "mask_heights",
     "restored_maps",
     "steep_share",

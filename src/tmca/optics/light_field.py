@@ -19,8 +19,8 @@ def view_grid(views: int | tuple[int, int]) -> Grid:
         SettingError: an even number, which has no centre view, or more than 9.
     """
     try:
-        rows, columns = (views, views) if isinstance(views, int) else (int(views[0]), int(views[1]))
-    except (TypeError, ValueError, IndexError):
+        rows, columns = (views, views) if isinstance(views, int) else (int(n) for n in views)
+    except (TypeError, ValueError):
         raise SettingError("views", repr(views), "a number, or (rows, columns)") from None
     if not all(1 <= n <= _MOST_VIEWS and n % 2 for n in (rows, columns)):
         raise SettingError("views", f"{rows}×{columns}", f"odd numbers up to {_MOST_VIEWS}", "take the centre views")

@@ -69,7 +69,7 @@ class Material:
         if outside.size:
             limits = f"{low * 1e9:.4g} to {high * 1e9:.4g} nm, its data"
             remedy = "choose other bands or another material"
-            raise SettingError(self.name, f"{outside[0] * 1e9:.4g} nm", limits, remedy)
+            raise SettingError("material", f"{self.name} at {outside[0] * 1e9:.4g} nm", limits, remedy)
         return FORMULAS[self.formula](values * 1e6, np.asarray(self.coefficients))
 
     @classmethod

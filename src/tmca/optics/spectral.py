@@ -67,7 +67,7 @@ class Dispersion:
         return floor(min(self.displacement))
 
     @property
-    def spread(self) -> int:
+    def extent(self) -> int:
         """Columns that the snapshot is wider than the scene: ⌈max d⌉ - ⌊min d⌋."""
         return ceil(max(self.displacement)) - self.origin
 
@@ -82,7 +82,7 @@ class Dispersion:
         return tuple(taps)
 
 
-def gaussian_spread(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
+def gaussian_psf(sigma: float | Sequence[float], bands: int, radius: int | None = None) -> Tensor:
     """(L, 2·radius+1, 2·radius+1) blur of the relay optics between mask and sensor: Gaussians of unit energy.
 
     Args:
@@ -98,7 +98,7 @@ def gaussian_spread(sigma: float | Sequence[float], bands: int, radius: int | No
     except (TypeError, ValueError):
         sigmas = []
     if len(sigmas) != bands or not all(0 <= s < inf for s in sigmas):
-        raise SettingError("relay blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
+        raise SettingError("relay_blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
     reach = radius if radius is not None else max(1, round(3 * max(sigmas)))
     axis = torch.arange(-reach, reach + 1, dtype=torch.float64)
     lines = [torch.exp(-(axis**2) / (2 * s**2)) if s > 0 else (axis == 0).double() for s in sigmas]

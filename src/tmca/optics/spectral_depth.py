@@ -45,7 +45,7 @@ class DepthPlanes:
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far:
             raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
-        check_range("depth planes", self.count, 1, whole=True)
+        check_range("planes", self.count, 1, whole=True)
 
     @property
     def step(self) -> float:

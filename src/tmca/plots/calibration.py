@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.style import BLUE, RED, SMALL, plain_axes
+from tmca.plots.style import BLUE, RED, SMALL, add_bar, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +24,7 @@ def draw_dark(axes: Any, mean: np.ndarray, read_noise: np.ndarray, defects: np.n
 
 def draw_flat(axes: Any, gain: np.ndarray, defects: np.ndarray, nonuniformity: float) -> None:
     """Response of the pixels ``(H, W)`` over their mean; ``defects`` is true at bad pixels."""
-    _map(axes[0], gain, "light over the mean", "", defects)
+    _map(axes[0], gain, "response", "light over the mean", defects)
     axes[1].hist(gain[~defects], bins=60, color=BLUE)
     plain_axes(axes[1], f"response of pixels varies by {nonuniformity:.2%}", "light over the mean", "pixels")
 
@@ -158,8 +158,8 @@ def draw_wavefront(
 
 def _map(axis: Axes, values: np.ndarray, title: str, bar: str, bad: np.ndarray) -> None:
     low, high = np.percentile(values[~bad], [0.5, 99.5])
-    shown = axis.imshow(values, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
     places = np.argwhere(bad)
+    shown = axis.imshow(values, cmap="gray", vmin=low, vmax=high, interpolation="nearest")
     axis.plot(places[:, 1], places[:, 0], "o", markerfacecolor="none", color=RED, markersize=8)
-    axis.figure.colorbar(shown, ax=axis).set_label(bar, fontsize=SMALL)
     plain_axes(axis, f"{title}; {len(places)} defects", "", "")
+    add_bar(axis, shown, bar)

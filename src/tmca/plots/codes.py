@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.plots.style import BLUE, add_bar, bare, evenly, grid, image, panels, plain_axes
+from tmca.plots.style import BLUE, add_bar, evenly, grid, image, mosaic, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,8 +68,6 @@ def codes_figure(
         chosen = evenly(len(planes), columns)
         for axis, index in zip(row, chosen, strict=False):
             image(axis, planes[index, :corner, :corner], titles[index], "gray", max(float(planes.max()), 1e-9))
-        for axis in row[len(chosen) :]:
-            axis.set_axis_off()
     add_bar(axes[-1, len(evenly(len(rows[-1][0]), columns)) - 1], axes[-1, 0].images[0], "transmittance")
     figure.suptitle(title, fontsize=9)
     return figure
@@ -96,12 +94,10 @@ def phase_codes_figure(
     figure, axes = grid(2, len(heights) + 1, width=2.2, aspect=1.0)
     limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
     for slot, (height, shown) in enumerate(zip(heights, shutter, strict=True)):
-        drawn = axes[0, slot].imshow(height * 1e9, cmap="coolwarm", vmin=limits[0], vmax=limits[1])
-        bare(axes[0, slot], f"heights, slot {slot}")
+        bar = "nm" if slot == len(heights) - 1 else ""
+        image(axes[0, slot], height * 1e9, f"heights, slot {slot}", "coolwarm", limits[1], bar, limits[0])
         image(axes[1, slot], shown[:side, :side], f"shutter, slot {slot}", "gray", 1.0)
-    add_bar(axes[0, len(heights) - 1], drawn, "nm")
-    axes[0, -1].imshow(cells, cmap="tab10", vmin=0, vmax=9)
-    bare(axes[0, -1], f"filters of a tile of {cells.shape[0]} pixels")
+    image(axes[0, -1], cells, f"filters of a tile of {cells.shape[0]} pixels", "tab10", 9)
     nanometres = np.asarray(wavelengths) * 1e9
     for index, values in enumerate(filters):
         axes[1, -1].plot(nanometres, values, color=f"C{index}")
@@ -123,8 +119,7 @@ def psf_figure(rows: Mapping[str, np.ndarray], metres: Sequence[float]) -> Figur
     figure, axes = grid(len(rows), len(metres), width=1.3, aspect=0.8 * height / width)
     for line, (row, (name, values)) in enumerate(zip(axes, rows.items(), strict=True)):
         for axis, value, z in zip(row, values, metres, strict=True):
-            axis.imshow(np.sqrt(value), cmap="inferno", interpolation="nearest")
-            bare(axis, "" if line else f"{z:.2f} m")
+            image(axis, np.sqrt(value), "" if line else f"{z:.2f} m", "inferno", low=None)
         row[0].set_ylabel(name, fontsize=8)
     return figure
 
@@ -135,10 +130,7 @@ def sub_images(code: np.ndarray) -> np.ndarray:
     Returns:
         ``(H·(V+1) - 1, W·(U+1) - 1)``, not a number between the sub-images.
     """
-    v, u, height, width = code.shape
-    sheet = np.full((height, v + 1, width, u + 1), np.nan)
-    sheet[:, :v, :, :u] = np.transpose(code, (2, 0, 3, 1))
-    return sheet.reshape(height * (v + 1), width * (u + 1))[:-1, :-1]
+    return mosaic(np.moveaxis(code, (2, 3), (0, 1)), gap=1)
 
 
 def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figure:
@@ -156,10 +148,9 @@ def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figu
     figure, axes = grid(1, len(sheets), width=4.4, aspect=min(max(height / width, 0.6), 2.5))
     top = max(float(np.nanmax(sheet)) for sheet in sheets.values()) or 1.0
     for axis, (name, sheet) in zip(axes[0], sheets.items(), strict=True):
-        axis.set_facecolor("#8fb8de")
-        drawn = axis.imshow(sheet, cmap="gray", vmin=0, vmax=top, interpolation="nearest")
         views, points = codes[name].shape[:2], [min(corner, n) for n in codes[name].shape[2:]]
-        bare(axis, f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each")
+        title = f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each"
+        drawn = image(axis, sheet, title, "gray", top, unknown="#8fb8de")
         _name_angles(axis, views)
     add_bar(axes[0, -1], drawn, "transmittance over the exposure")
     return figure

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.plots.style import bright_level
+
 Array = NDArray[np.floating]
-_QUANTILE = 0.998
 
 
 def linear_srgb(cube: Array, wavelengths: Sequence[float], lamp: Array | None = None) -> NDArray[np.float64]:
@@ -51,5 +52,4 @@ def srgb_picture(
 
 def shown_level(linear: Array) -> float:
     """The linear value that a picture shows as full."""
-    level = float(np.quantile(linear, _QUANTILE))
-    return level if level > 0 else 1.0
+    return bright_level(linear, 0.998)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.metrics import psnr
-from tmca.plots.style import BLUE, RED, SMALL, evenly, grid, image, montage, plain_axes
+from tmca.plots.style import BLUE, RED, SMALL, bright_level, evenly, grid, image, montage, plain_axes, rms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +34,7 @@ def rgb_bands(wavelengths: Sequence[float]) -> tuple[int, int, int]:
 
 def white_level(cube: np.ndarray, wavelengths: Sequence[float]) -> float:
     """Irradiance shown as white: the 99.5 % quantile of the three bands."""
-    level = float(np.quantile(cube[list(rgb_bands(wavelengths))], 0.995))
-    return level if level > 0 else 1.0
+    return bright_level(cube[list(rgb_bands(wavelengths))])
 
 
 def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float | None = None) -> np.ndarray:
@@ -54,7 +53,7 @@ def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float |
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
     """A cube: colour composite, the spectra of a few points, and bands from the first to the last."""
     figure, axes = grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])
-    picture, points, chosen = rgb_composite(cube, wavelengths), spread_points(cube), evenly(len(cube), 12)
+    picture, points, chosen = rgb_composite(cube, wavelengths), sample_points(cube), evenly(len(cube), 12)
     image(axes[0, 0], picture, title)
     mark(axes[0, 0], points)
     spectra(axes[0, 1], {"": cube}, wavelengths, points)
@@ -67,14 +66,14 @@ def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> F
     return figure
 
 
-def spread_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
+def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
     """A few lit pixels (row, column), each of a spectrum whose shape is farthest from those before; of a large picture
     every second pixel, or third, … is looked at."""
     from scipy.ndimage import uniform_filter
 
     apart = 1 + isqrt(cube.shape[1] * cube.shape[2] // _LOOKED_AT)
     if apart > 1:
-        return [(apart * row, apart * column) for row, column in spread_points(cube[:, ::apart, ::apart], count)]
+        return [(apart * row, apart * column) for row, column in sample_points(cube[:, ::apart, ::apart], count)]
     smooth = np.stack([uniform_filter(band, 7) for band in cube]).reshape(len(cube), -1)
     strength = np.linalg.norm(smooth, axis=0)
     shape = smooth / np.maximum(strength, 0.3 * strength.max() + 1e-12)
@@ -135,40 +134,33 @@ def reconstruction_figure(
     """
     deviations = deviations or {}
     reference = truth if truth is not None else next(iter(estimates.values()))
-    white, points = white_level(reference, wavelengths), spread_points(reference)
+    white, points = white_level(reference, wavelengths), sample_points(reference)
     many = len(estimates) > _TOGETHER
     rows = 1 + (truth is not None) + bool(deviations) + many
     columns = len(estimates) + 1 + (rows == 1)
     figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
     mark(axes[0, 0], points)
-    errors = {} if truth is None else {name: _rms(cube - truth) for name, cube in estimates.items()}
-    spreads = {name: _rms(deviations[name]) for name in estimates if name in deviations}
-    maps = [values.ravel() for values in (*errors.values(), *spreads.values())]
-    top = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
-    for column, (name, cube) in enumerate(estimates.items(), start=1):
-        image(axes[0, column], rgb_composite(cube, wavelengths, white), _caption(name, cube, truth))
+    errors = {} if truth is None else {name: rms(cube - truth) for name, cube in estimates.items()}
+    predicted = {name: rms(deviations[name]) for name in estimates if name in deviations}
+    maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
+    look: dict[str, Any] = {"colours": "magma", "bar": _UNIT}
+    look["top"] = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
+    true = {"truth": truth} if truth is not None else {}
+    for column, (name, cube) in zip(axes[:, 1:].T, estimates.items(), strict=False):
+        image(column[0], rgb_composite(cube, wavelengths, white), captioned(name, cube, truth))
         if name in errors:
-            image(axes[1, column], errors[name], "error (rms over bands)", colours="magma", top=top, bar=_UNIT)
-        if name in spreads:
-            place = axes[rows - 1 - many, column]
-            image(place, spreads[name], "predicted error (1 σ)", colours="magma", top=top, bar=_UNIT)
-        elif spreads:
-            _say(axes[rows - 1 - many, column], "no error predicted")
-    known = {"truth": truth} if truth is not None else {}
-    if many:
-        for axis in axes[1:, 0]:
-            axis.set_axis_off()
-        for axis, (name, cube) in zip(axes[-1, 1:], estimates.items(), strict=False):
-            spectra(axis, {**known, name: cube}, wavelengths, points)
-    else:
-        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**known, **estimates}, wavelengths, points)
+            image(column[1], errors[name], "error (rms over bands)", **look)
+        below = column[rows - 1 - many]
+        if name in predicted:
+            image(below, predicted[name], "predicted error (1 σ)", **look)
+        elif predicted:
+            below.text(0.5, 0.5, "no error predicted", ha="center", va="center", color="#777777")
+        if many:
+            spectra(column[-1], {**true, name: cube}, wavelengths, points)
+    if not many:
+        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
     return figure
-
-
-def _say(axis: Axes, text: str) -> None:
-    axis.set_axis_off()
-    axis.text(0.5, 0.5, text, ha="center", va="center", transform=axis.transAxes, color="#777777")
 
 
 def _tall(figure: Figure, axes: np.ndarray) -> Axes:
@@ -179,14 +171,9 @@ def _tall(figure: Figure, axes: np.ndarray) -> Axes:
     return figure.add_subplot(place)
 
 
-def _caption(name: str, cube: np.ndarray, truth: np.ndarray | None) -> str:
-    if truth is None:
-        return name
-    return f"{name}\n{psnr(cube, truth):.2f} dB"
-
-
-def _rms(values: np.ndarray) -> np.ndarray:
-    return np.sqrt((values**2).mean(0))
+def captioned(name: str, cube: np.ndarray, truth: np.ndarray | None) -> str:
+    """The name, with the PSNR where the truth is known."""
+    return name if truth is None else f"{name}\n{psnr(cube, truth):.2f} dB"
 
 
 def composites(
@@ -196,19 +183,15 @@ def composites(
     rows = -(-(1 + len(estimates)) // _COLUMNS)
     figure, axes = grid(rows, _COLUMNS, width=3.2, aspect=truth.shape[1] / truth.shape[2] + 0.06)
     white = white_level(truth, wavelengths)
-    titles = {f"truth\n{conditions}": truth, **estimates}
-    for axis in axes.flat:
-        axis.set_axis_off()
-    for axis, (name, cube) in zip(axes.flat, titles.items(), strict=False):
-        axis.set_axis_on()
-        quality = "" if cube is truth else f": {psnr(cube, truth):.2f} dB"
-        image(axis, rgb_composite(cube, wavelengths, white), name + quality)
+    image(axes[0, 0], rgb_composite(truth, wavelengths, white), f"truth\n{conditions}")
+    for axis, (name, cube) in zip(axes.flat[1:], estimates.items(), strict=False):
+        image(axis, rgb_composite(cube, wavelengths, white), f"{name}: {psnr(cube, truth):.2f} dB")
     return figure
 
 
 def signatures(truth: np.ndarray, estimates: Mapping[str, np.ndarray], wavelengths: Sequence[float]) -> Figure:
     """Spectra of the truth and of some rows at a few points (figure 21)."""
-    points = spread_points(truth, _POINTS)
+    points = sample_points(truth, _POINTS)
     figure, axes = grid(1, 1 + _POINTS, width=3.6, aspect=0.85)
     image(axes[0, 0], rgb_composite(truth, wavelengths), "truth")
     mark(axes[0, 0], points)

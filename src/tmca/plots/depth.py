@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.metrics import psnr
-from tmca.plots.cube import mark, rgb_composite, spectra, spread_points, white_level
+from tmca.plots.cube import captioned, mark, rgb_composite, sample_points, spectra, white_level
 from tmca.plots.style import GREY, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: 
     """Colour composite, depth, and spectra of a few points; ``metric`` as in `depth_map`."""
     cube, depth = scene
     figure, axes = grid(1, 3, width=4.6, aspect=depth.shape[0] / depth.shape[1])
-    points = spread_points(cube)
+    points = sample_points(cube)
     image(axes[0, 0], rgb_composite(cube, wavelengths), title)
     mark(axes[0, 0], points)
     depth_map(axes[0, 1], depth, metric)
@@ -60,7 +59,7 @@ def depth_figure(
         truth: cube and depth.
     """
     reference = estimate[0] if truth is None else truth[0]
-    white, points = white_level(reference, wavelengths), spread_points(reference)
+    white, points = white_level(reference, wavelengths), sample_points(reference)
     rows = [] if truth is None else [("truth", *truth)]
     rows.append((name, *estimate))
     figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])
@@ -79,14 +78,13 @@ def before_after(
 ) -> Figure:
     """A column for the truth and every estimate: colour composite and depth; errors in the titles."""
     cube, metres = truth
-    white, (near, far) = white_level(cube, wavelengths), limits
+    white = white_level(cube, wavelengths)
     figure, axes = grid(2, 1 + len(estimates), width=3.6, aspect=cube.shape[1] / cube.shape[2])
     image(axes[0, 0], rgb_composite(cube, wavelengths, white), "truth")
-    image(axes[1, 0], metres, "depth", "viridis_r", far, "m", near)
+    depth_map(axes[1, 0], metres, limits=limits)
     for column, (name, (estimate, depth)) in zip(axes[:, 1:].T, estimates.items(), strict=True):
-        away = np.nanmean(np.abs(depth - metres))
-        image(column[0], rgb_composite(estimate, wavelengths, white), f"{name}\n{psnr(estimate, cube):.2f} dB")
-        image(column[1], depth, f"{away:.3f} m off", "viridis_r", far, "m", near)
+        image(column[0], rgb_composite(estimate, wavelengths, white), captioned(name, estimate, cube))
+        depth_map(column[1], depth, title=f"{np.nanmean(np.abs(depth - metres)):.3f} m off", limits=limits)
     return figure
 
 
@@ -108,16 +106,13 @@ def rows_figure(
     """
     cube = truth[0]
     figure, axes = grid(1 + len(rows), 2 * len(decoders) + 1, width=2.8, aspect=cube.shape[1] / cube.shape[2])
-    for axis in axes.ravel():
-        axis.set_axis_off()
-    points = spread_points(cube)
+    points = sample_points(cube)
     look: dict[str, Any] = {"wavelengths": wavelengths, "white": white_level(cube, wavelengths), "limits": limits}
     _pair(axes[0], 0, truth, "truth", **look)
     mark(axes[0, 0], points)
     for row, (code, estimates) in zip(axes[1:], rows.items(), strict=True):
         for decoder, estimate in estimates.items():
             _pair(row, 2 * decoders.index(decoder), estimate, f"{textwrap.fill(code, 36)}\n{decoder}", **look)
-        row[-1].set_axis_on()
         missing = np.full_like(cube, np.nan)
         cubes = {name: estimates[name][0] if name in estimates else missing for name in decoders}
         spectra(row[-1], {"truth": cube, **cubes}, wavelengths, points)
@@ -136,8 +131,6 @@ def _pair(
     limits: tuple[float, float],
 ) -> None:
     """Colours and depth side by side."""
-    for axis in row[first : first + 2]:
-        axis.set_axis_on()
     image(row[first], rgb_composite(scene[0], wavelengths, white), label)
     depth_map(row[first + 1], scene[1], title="depth", limits=limits)
 

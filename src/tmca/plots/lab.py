@@ -12,7 +12,6 @@ from tmca.plots.style import (
     GREY,
     RED,
     bare,
-    blank_figure,
     curve_with_band,
     grid,
     image,
@@ -107,25 +106,21 @@ def shown_figure(rows: Mapping[str, Sequence[tuple[str, np.ndarray, Sequence[int
             surface, and of terms their Noll indices.
     """
     columns = max(len(slots) for slots in rows.values())
-    figure = blank_figure(2.6 * columns, 2.4 * len(rows))
-    axes = figure.subplots(len(rows), columns, squeeze=False)
+    figure, axes = grid(len(rows), columns, width=2.6, aspect=0.79)
     for row, (name, slots) in zip(axes, rows.items(), strict=True):
         for axis, (title, values, noll) in zip(row, slots, strict=True):
             if noll is None:
-                axis.imshow(values, cmap="gray", interpolation="nearest")
-                bare(axis, title)
+                image(axis, values, title, "gray", low=None)
             else:
-                _draw_terms(axis, values, noll)
-            axis.set_title(title, fontsize=8)
+                _draw_terms(axis, values, noll, title)
         row[0].set_ylabel(name, fontsize=8)
     return figure
 
 
-def _draw_terms(axis: Axes, terms: np.ndarray, noll: Sequence[int]) -> None:
+def _draw_terms(axis: Axes, terms: np.ndarray, noll: Sequence[int], title: str) -> None:
     axis.bar(np.arange(len(noll)), terms * 1e9, color="tab:blue")
-    axis.set_xticks(np.arange(len(noll)), [str(index) for index in noll], fontsize=6)
-    axis.tick_params("y", labelsize=6)
-    axis.set_xlabel("Noll index; nm rms of surface", fontsize=7)
+    axis.set_xticks(np.arange(len(noll)), [str(index) for index in noll])
+    plain_axes(axis, title, "Noll index; nm rms of surface", "")
 
 
 def frames_figure(movies: Mapping[str, np.ndarray], captures: Mapping[str, np.ndarray], shown: int = 8) -> Figure:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.style import add_bar, bare, grid, image
+from tmca.plots.style import add_bar, bare, grid, image, rms
 from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
 
 if TYPE_CHECKING:
@@ -48,8 +48,6 @@ def light_field_figure(
     height, width = reference.shape[-2:]
     columns = 2 + (truth is not None or snapshot is not None)
     figure, axes = grid(len(panels), columns, width=_WIDTH, aspect=min(height / width, 2.5))
-    for axis in axes[:, 2:].flat:
-        axis.set_axis_off()
     if snapshot is not None:
         draw_snapshot(axes[0, 2], snapshot)
     if truth is not None:
@@ -64,7 +62,6 @@ def draw_snapshot(axis: Axes, snapshot: np.ndarray) -> None:
     """The recorded image; a colour bar says its levels where it is grey."""
     values = np.asarray(snapshot, dtype=np.float64)
     top = float(values.max()) or 1.0
-    axis.set_axis_on()
     if values.ndim == 3 and len(values) == 3:
         image(axis, shown(np.moveaxis(values, 0, -1), top), f"snapshot (white = {top:.3g} views of a white scene)")
     else:
@@ -118,14 +115,13 @@ def _strip(start: float, stop: float) -> tuple[float, float]:
 
 def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool) -> None:
     """Error maps on one scale; first, if ``flat``, that of the true centre view in place of all."""
-    maps = [(_quality(field, truth), _rms(np.asarray(field) - truth)) for field in estimates.values()]
+    maps = [(_quality(field, truth), rms(np.asarray(field) - truth)) for field in estimates.values()]
     top = float(np.quantile([values for _, values in maps], 0.99)) or 1.0
     if flat:
         v, u = (n // 2 for n in truth.shape[-4:-2])
         still = np.broadcast_to(truth[..., v : v + 1, u : u + 1, :, :], truth.shape)
-        maps.insert(0, (f"the true centre view repeated: {_quality(still, truth)}", _rms(still - truth)))
+        maps.insert(0, (f"the true centre view repeated: {_quality(still, truth)}", rms(still - truth)))
     for axis, (quality, values) in zip(axes[len(axes) - len(maps) :], maps, strict=True):
-        axis.set_axis_on()
         _picture(axis, values, f"{quality}\nerror (rms over views)", cmap="magma", vmin=0, vmax=top)
         add_bar(axis, axis.images[0], _UNIT)
 
@@ -136,17 +132,13 @@ def _picture(axis: Axes, values: np.ndarray, title: str, **how: Any) -> None:
     bare(axis, title)
 
 
-def _rms(difference: np.ndarray) -> np.ndarray:
-    return np.sqrt((difference**2).reshape(-1, *difference.shape[-2:]).mean(axis=0))
-
-
 def _quality(estimate: np.ndarray, truth: np.ndarray) -> str:
     """PSNR of the whole light field and SSIM."""
     from tmca.metrics import light_field_metrics
 
-    found = light_field_metrics(estimate, truth)
-    similarity = f", SSIM {found['ssim']:.3f}" if np.isfinite(found["ssim"]) else ""
-    return f"{found['psnr']:.2f} dB{similarity}"
+    scores = light_field_metrics(estimate, truth)
+    similarity = f", SSIM {scores['ssim']:.3f}" if np.isfinite(scores["ssim"]) else ""
+    return f"{scores['psnr']:.2f} dB{similarity}"
 
 
 def view_psnr_figure(maps: Mapping[str, np.ndarray]) -> Figure:
@@ -211,11 +203,8 @@ def disparity_figure(
     columns = min(_COLUMNS, len(cells))
     height, width = next(iter(maps.values())).shape
     figure, axes = grid(-(-len(cells) // columns), columns, width=3.0, aspect=min(0.9 * height / width, 2.5))
-    for axis in axes.flat:
-        axis.set_axis_off()
     for axis, (title, values, how) in zip(axes.flat, cells, strict=False):
         if values is not None:
-            axis.set_axis_on()
             axis.imshow(values, interpolation="nearest", **how)
             bare(axis, title)
     place = columns - 1 if truth is None else 1
@@ -231,17 +220,17 @@ def _cells(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, mask: Any, 
     seen = _disparities(np.concatenate([np.ravel(m) for m in ([truth] if truth is not None else maps.values())]))
     if truth is None:
         return ([("centre view", view, {})] if view is not None else []) + [(n, m, seen) for n, m in maps.items()]
-    said = [_numbers(values, truth, mask) for values in maps.values()]
+    captions = [_numbers(values, truth, mask) for values in maps.values()]
     wrong = {"cmap": "magma", "vmin": 0.0, "vmax": error_top([np.abs(values - truth) for values in maps.values()])}
     cells: list[_Cell] = [("centre view", view, {}), ("ground truth", truth, seen)]
-    for numbers, (name, values) in zip(said, maps.items(), strict=True):
+    for numbers, (name, values) in zip(captions, maps.items(), strict=True):
         cells += [(name, values, seen), (numbers, np.abs(values - truth), wrong)]
     return cells
 
 
 def _disparities(reference: np.ndarray) -> dict[str, Any]:
-    known = reference[np.isfinite(reference)]
-    low, high = (float(q) for q in np.quantile(known, (0.005, 0.995))) if known.size else (0.0, 1.0)
+    finite = reference[np.isfinite(reference)]
+    low, high = (float(q) for q in np.quantile(finite, (0.005, 0.995))) if finite.size else (0.0, 1.0)
     return {"cmap": "viridis", "vmin": low, "vmax": max(high, low + 0.1)}
 
 
@@ -251,8 +240,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
     Args:
         errors: maps, not finite where they are unknown.
     """
-    known = np.concatenate([values[np.isfinite(values)] for values in errors])
-    most = float(np.quantile(known, 0.9)) if known.size else 0.0
+    finite = np.concatenate([values[np.isfinite(values)] for values in errors])
+    most = float(np.quantile(finite, 0.9)) if finite.size else 0.0
     if most <= 0:
         return 1.0
     step = 10 ** np.floor(np.log10(most)) / 2
@@ -261,8 +250,8 @@ def error_top(errors: Sequence[np.ndarray]) -> float:
 
 def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) -> str:
     errors = np.stack([np.abs(values - truth) for values in maps.values()])
-    known = errors[np.isfinite(errors)]
-    share = f"\n{np.mean(known > top):.1%} above {top:g}" if known.size else ""
+    finite = errors[np.isfinite(errors)]
+    share = f"\n{np.mean(finite > top):.1%} above {top:g}" if finite.size else ""
     return f"error ({_STEP}){share}"
 
 
@@ -270,5 +259,5 @@ def _numbers(estimate: np.ndarray, truth: np.ndarray, mask: Any) -> str:
     from tmca.metrics import disparity_error
     from tmca.metrics.disparity import BAD_PIXEL
 
-    found = disparity_error(estimate, truth, mask)
-    return f"MAE {found['mae']:.3f} px, {found['badpix']:.1%} above {BAD_PIXEL:g} px"
+    errors = disparity_error(estimate, truth, mask)
+    return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.errors import SettingError
-from tmca.plots.style import BLUE, SMALL, TITLE, blank_figure, curve_with_band, plain_axes
+from tmca.plots.style import BLUE, SMALL, TITLE, blank_figure, curve_with_band, mosaic, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,9 +80,7 @@ def _draw_spectra(axis: Axes, mean: np.ndarray, variance: np.ndarray, wavelength
 
 def atom_mosaic(atom: np.ndarray, views: tuple[int, int]) -> np.ndarray:
     """(V·h + V - 1, U·w + U - 1) views of an atom (V·U, h, w) side by side, a line of NaN between them."""
-    (v, u), (_, h, w) = views, atom.shape
-    framed = np.pad(atom.reshape(v, u, h, w), [(0, 0), (0, 0), (0, 1), (0, 1)], constant_values=np.nan)
-    return framed.swapaxes(1, 2).reshape(v * (h + 1), u * (w + 1))[:-1, :-1]
+    return mosaic(atom.reshape(*views, *atom.shape[1:]), gap=1)
 
 
 def dictionary_figure(

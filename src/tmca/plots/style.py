@@ -59,9 +59,15 @@ def panels(count: int, width: float, height: float) -> tuple[Figure, np.ndarray]
 
 
 def grid(rows: int, columns: int, width: float, aspect: float = 0.8) -> tuple[Figure, np.ndarray]:
-    """Axes for pictures ``width`` inches wide whose height is ``aspect`` times that."""
+    """Axes for pictures ``width`` inches wide whose height is ``aspect`` times that; those without a title stay empty.
+
+    A title comes with `image`, `bare` and `plain_axes`.
+    """
     figure = blank_figure(width * columns, (width * aspect + 0.35) * rows)
-    return figure, figure.subplots(rows, columns, squeeze=False)
+    axes = figure.subplots(rows, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.set_axis_off()
+    return figure, axes
 
 
 def image(
@@ -77,8 +83,8 @@ def image(
     """An image without ticks from ``low`` to ``top``, ``unknown`` where it is NaN; ``bar`` labels a colour bar."""
     from matplotlib import colormaps
 
-    colour_map = colormaps[colours].with_extremes(bad=unknown)
-    shown = axis.imshow(np.ma.masked_invalid(values), cmap=colour_map, vmin=low, vmax=top, interpolation="nearest")
+    look: Any = {"cmap": colormaps[colours].with_extremes(bad=unknown), "vmin": low, "vmax": top}
+    shown = axis.imshow(np.ma.masked_invalid(values), interpolation="nearest", **look)
     bare(axis, title)
     if bar:
         add_bar(axis, shown, bar)
@@ -103,6 +109,7 @@ def add_bar(axis: Axes, shown: Any, label: str) -> None:
 
 def plain_axes(axis: Axes, title: str, x: str, y: str) -> None:
     """Title and labels of a plot, in the size of all texts."""
+    axis.set_axis_on()
     axis.set_title(title, fontsize=TITLE)
     axis.set_xlabel(x, fontsize=SMALL)
     axis.set_ylabel(y, fontsize=SMALL)
@@ -110,6 +117,8 @@ def plain_axes(axis: Axes, title: str, x: str, y: str) -> None:
 
 
 def bare(axis: Axes, title: str) -> None:
+    """Title and no ticks, as pictures have it."""
+    axis.set_axis_on()
     axis.set_title(title, fontsize=TITLE)
     axis.set_xticks([])
     axis.set_yticks([])
@@ -130,12 +139,29 @@ def montage(planes: np.ndarray, chosen: Sequence[int]) -> np.ndarray:
     """The chosen planes side by side in up to four columns; places without one are not a number, and stay white."""
     columns = min(4, len(chosen))
     rows = -(-len(chosen) // columns)
-    height, width = planes.shape[1:]
-    sheet = np.full((rows * height, columns * width), np.nan, dtype=np.float32)
-    for place, index in enumerate(chosen):
-        y, x = divmod(place, columns)
-        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = planes[index]
-    return sheet
+    places = np.full((rows * columns, *planes.shape[1:]), np.nan, dtype=np.float32)
+    places[: len(chosen)] = planes[list(chosen)]
+    return mosaic(places.reshape(rows, columns, *planes.shape[1:]))
+
+
+def mosaic(pictures: np.ndarray, gap: int = 0, fill: float = np.nan) -> np.ndarray:
+    """One picture of ``(R, C, h, w[, 3])``: R rows of C pictures, ``gap`` pixels of ``fill`` between them."""
+    rows, columns, height, width, *colours = pictures.shape
+    edges = [(0, 0), (0, 0), (0, gap), (0, gap), *((0, 0) for _ in colours)]
+    padded = np.pad(pictures, edges, constant_values=fill).swapaxes(1, 2)
+    sheet = padded.reshape(rows * (height + gap), columns * (width + gap), *colours)
+    return sheet[: len(sheet) - gap, : sheet.shape[1] - gap]
+
+
+def rms(values: np.ndarray) -> np.ndarray:
+    """``(..., H, W)`` → ``(H, W)`` root mean square over all other axes."""
+    return np.sqrt((values**2).reshape(-1, *values.shape[-2:]).mean(axis=0))
+
+
+def bright_level(values: np.ndarray, quantile: float = 0.995) -> float:
+    """The value that is shown as white: a quantile, or 1 where it is not above 0."""
+    level = float(np.quantile(values, quantile))
+    return level if level > 0 else 1.0
 
 
 def evenly(count: int, most: int) -> list[int]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tmca.errors import OutputError, ShapeError
-from tmca.plots.style import grid, image
+from tmca.plots.style import bright_level, grid, image, mosaic
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,8 +47,7 @@ def colour_views(light_field: np.ndarray) -> np.ndarray:
 def brightest(light_field: np.ndarray) -> float:
     """Irradiance shown as white: the 99.5 % quantile of the centre view."""
     views = colour_views(light_field)
-    level = float(np.quantile(views[views.shape[0] // 2, views.shape[1] // 2], 0.995))
-    return level if level > 0 else 1.0
+    return bright_level(views[views.shape[0] // 2, views.shape[1] // 2])
 
 
 def shown(values: np.ndarray, white: float) -> np.ndarray:
@@ -73,13 +72,13 @@ def liveliest(light_field: np.ndarray) -> tuple[int, int]:
     views = colour_views(light_field)
     rows, columns = views.shape[0] // 2, views.shape[1] // 2
     across, along = views[rows].std(axis=0).mean(axis=-1), views[:, columns].std(axis=0).mean(axis=-1)
-    found = []
+    places = []
     for activity in (across.mean(axis=1), along.mean(axis=0)):
         smooth, edge = uniform_filter1d(activity.astype(np.float64), 5), len(activity) // 8
         inner = smooth[edge : len(activity) - edge]
         # alike everywhere, as in a single view: the middle
-        found.append(edge + int(inner.argmax()) if np.ptp(inner) > 0 else len(activity) // 2)
-    return found[0], found[1]
+        places.append(edge + int(inner.argmax()) if np.ptp(inner) > 0 else len(activity) // 2)
+    return places[0], places[1]
 
 
 def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
@@ -101,12 +100,12 @@ def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
     return slice(top, top + h), slice(left, left + w)
 
 
-def light_field_views(centre: np.ndarray, mosaic: np.ndarray, disparity: np.ndarray | None, title: str) -> Figure:
+def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarray | None, title: str) -> Figure:
     """Centre view, mosaic of views and disparity beside one another.
 
     Args:
         centre: a light field whose middle view is shown, ``(V, U, H, W)`` or ``(3, V, U, H, W)`` with colours first.
-        mosaic: a light field of which every view is shown.
+        every: a light field of which every view is shown.
         disparity: ``(H, W)``, px per view step, or None.
         title: of the centre view.
     """
@@ -114,9 +113,8 @@ def light_field_views(centre: np.ndarray, mosaic: np.ndarray, disparity: np.ndar
     figure, axes = grid(1, 2 if disparity is None else 3, width=4.6, aspect=height / width)
     views = as_pictures(centre)
     image(axes[0, 0], views[views.shape[0] // 2, views.shape[1] // 2], title, "gray", 1.0)
-    sheet = mosaic_of(as_pictures(mosaic))
-    rows, columns = mosaic.shape[-4:-2]
-    image(axes[0, 1], sheet, f"{rows}×{columns} views", "gray", 1.0)
+    rows, columns = every.shape[-4:-2]
+    image(axes[0, 1], mosaic(as_pictures(every), gap=2, fill=1.0), f"{rows}×{columns} views", "gray", 1.0)
     if disparity is not None:
         image(axes[0, 2], disparity, "true disparity", "turbo", bar="px per view, nearer is positive", low=None)
     return figure
@@ -126,15 +124,6 @@ def as_pictures(light_field: np.ndarray) -> np.ndarray:
     """``(V, U, H, W)`` grey or ``(V, U, H, W, 3)`` colour, in [0, 1]."""
     values = np.clip(light_field, 0, 1)
     return np.moveaxis(values, 0, -1) if values.ndim == 5 else values
-
-
-def mosaic_of(views: np.ndarray, gap: int = 2) -> np.ndarray:
-    """All views of ``(V, U, H, W[, 3])`` in one picture, white gaps between them."""
-    edges = [(0, 0), (0, 0), (0, gap), (0, gap), *((0, 0) for _ in views.shape[4:])]
-    padded = np.pad(views, edges, constant_values=1.0)
-    rows, columns, height, width = padded.shape[:4]
-    sheet = np.moveaxis(padded, 2, 1).reshape(rows * height, columns * width, *views.shape[4:])
-    return np.asarray(sheet[: rows * height - gap, : columns * width - gap])
 
 
 def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
@@ -190,8 +179,8 @@ def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
     low, high = -2.0, 2.0
     if max(small.shape[:2]) > 1 and min(small.shape[2:]) >= 4 and (textured := _textured(small)).any():
         most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
-        found = scale * estimate_disparity(small)[textured]
-        low, high = (float(end) for end in np.quantile(found, (0.05, 0.95)).clip(-most, most))
+        disparity = scale * estimate_disparity(small)[textured]
+        low, high = (float(end) for end in np.quantile(disparity, (0.05, 0.95)).clip(-most, most))
     wider = max(0.0, (_STRETCH - (high - low)) / 2)
     return [float(step) for step in np.linspace(low - wider, high + wider, count)]
 

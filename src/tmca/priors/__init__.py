@@ -1,11 +1,13 @@
 """Gaussian and Gaussian-mixture priors of small scene blocks, and dictionaries of light-field patches."""
 
+from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected import expected_mse, expected_psnr
-from tmca.priors.gaussian import BlockGrid, BlockModel, GaussianPrior
+from tmca.priors.finding import block_of, find_prior, learn_prior
+from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.prior import Prior, block_of, check_kind, find_prior, learn_prior, load_prior
+from tmca.priors.prior import Prior, check_kind, load_prior
 from tmca.priors.statistics import pooled
 
 __all__ = [

@@ -25,7 +25,7 @@ from tmca.priors.statistics import checked_cubes
 _CORESET, _TESTED, _SWEEPS = 8000, 2048, 200
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PatchDictionary(Prior):
     """Patches x of shape (L, h, w) as ``mean + Σ_k c_k atom_k`` with few coefficients c (Marwah et al. 2013).
 
@@ -47,6 +47,8 @@ class PatchDictionary(Prior):
     kind: ClassVar[str] = "dictionary"
     called: ClassVar[str] = "a dictionary"
     argument: ClassVar[str] = "dictionary"
+    of_views: ClassVar[bool] = True
+    of_rendered: ClassVar[bool] = False
     learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
     wavelengths: ClassVar[None] = None
@@ -118,11 +120,11 @@ class PatchDictionary(Prior):
             raise DataError("light fields", "no texture", "patches that vary", "learn from other scenes")
         penalty *= float(np.sqrt(np.square(inside).sum(1).mean()))
         report(0.1)
-        found = _fit(inside, atoms, penalty, passes, batch, seed, lambda share: report(0.1 + 0.8 * share))
+        learned = _fit(inside, atoms, penalty, passes, batch, seed, lambda share: report(0.1 + 0.8 * share))
         tested = even_sample(examples, patch, _TESTED, seed + 1)
-        codes = _encode(np.asarray((_centred(tested) @ basis).double()), found, penalty)
+        codes = _encode(np.asarray((_centred(tested) @ basis).double()), learned, penalty)
         report(1.0)
-        scales, full = codes.abs().mean(0), torch.from_numpy(found) @ basis.double().mT
+        scales, full = codes.abs().mean(0), torch.from_numpy(learned) @ basis.double().mT
         order = scales.argsort(descending=True, stable=True)
         unit = torch.nn.functional.normalize(_centred(full), dim=1)[order].unflatten(1, examples[0].shape[:1] + patch)
         residual = float((_centred(tested).double() - codes @ full).square().mean())
@@ -134,6 +136,7 @@ class PatchDictionary(Prior):
 
     def sample(self, count: int, seed: int) -> Tensor:
         """(count, L, h, w) random blocks: Laplacian coefficients, which the LASSO has in mind, around random means."""
+        check_range("count", count, 1, whole=True)
         generator = torch.Generator().manual_seed(seed)
         uniform = torch.rand(count, len(self.atoms), generator=generator, dtype=torch.float64) - 0.5
         codes = -self.scales * uniform.sign() * (1 - 2 * uniform.abs()).log()
@@ -202,8 +205,8 @@ def _fit(
         for done, part in enumerate(batches, start=1):
             learner.partial_fit(inside[part])
             progress(done / len(batches))
-    found = np.asarray(learner.components_, dtype=np.float64)
-    return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+    learned = np.asarray(learner.components_, dtype=np.float64)
+    return learned / np.maximum(np.linalg.norm(learned, axis=1, keepdims=True), 1e-12)
 
 
 def _encode(inside: NDArray[np.float64], atoms: NDArray[np.float64], penalty: float) -> Tensor:

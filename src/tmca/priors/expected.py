@@ -9,7 +9,8 @@ from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import BlockGrid, BlockModel, BlockPosterior, GaussianPrior, GaussianSolver
+from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver
 from tmca.priors.statistics import stationary_moments
 from tmca.sensor import Noise
 
@@ -76,7 +77,7 @@ def error_moments(prior: GaussianPrior, posterior: BlockPosterior) -> Tensor:
     width = model.valid[1] - model.valid[0]
     removed = torch.zeros(bands, bands, h, width, dtype=torch.float64, device=prior.moments.device)
     for factor, cross in zip(posterior.factor, posterior.cross.unbind(1), strict=True):
-        part = model.in_judged(cross)
+        part = model.in_valid(cross)
         white = torch.linalg.solve_triangular(factor.to(part.dtype), part, upper=False)
         removed += _correlation(white.unflatten(1, (bands, h, width))) / len(posterior.factor)
     pairs = (h - torch.arange(h)[:, None]) * (width - torch.arange(width))

@@ -1,8 +1,4 @@
-"""Gaussian prior of small scene blocks, what a block explains of a snapshot, and its posterior given that.
-
-A block (L, h, w) explains the snapshot's columns whose light comes wholly from inside it; the others are left to the
-blocks that see them whole. Blocks may hang over the image's edge, where the code is zero.
-"""
+"""Gaussian prior of small scene blocks, and the posterior of blocks given what they explain of a snapshot."""
 
 from __future__ import annotations
 
@@ -15,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError, check_range
-from tmca.operators.taps import Taps
+from tmca.priors.blocks import BlockModel
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, stationary_moments
 from tmca.sensor import Noise
@@ -24,7 +20,7 @@ NOISE_FLOOR = 1e-9
 """Variance of every measurement, squared snapshot units: G stays invertible without noise and without light."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class GaussianPrior(Prior):
     """Scene blocks x of shape (L, h, w) as samples of one Gaussian.
 
@@ -138,8 +134,10 @@ class GaussianPrior(Prior):
         return replace(self, mean=mean, moments=self.moments + torch.outer(away, away)[:, :, None, None])
 
     def sample(self, count: int, seed: int) -> Tensor:
-        generator = torch.Generator().manual_seed(seed)
-        white = torch.randn(count, self.mean.numel(), generator=generator, dtype=torch.float64)
+        check_range("count", count, 1, whole=True)
+        white = torch.randn(
+            count, self.mean.numel(), generator=torch.Generator().manual_seed(seed), dtype=torch.float64
+        )
         return self.mean + (white @ torch.linalg.cholesky(self.covariance).mT).reshape(count, *self.block)
 
     def figure(self) -> Any:
@@ -155,155 +153,6 @@ class GaussianPrior(Prior):
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         moments = arrays["autocovariance" if "autocovariance" in arrays else "covariance"]
         return cls(arrays["mean"], moments, about["wavelengths"], about["sources"])
-
-
-@dataclass(frozen=True)
-class BlockModel:
-    """Geometry shared by every block of shape (L, h, w) under the same taps.
-
-    Measurement (i, c) of a block is snapshot row i and the c-th complete column.
-
-    Args:
-        block: (L, h, w).
-        channels: channel of each tap.
-        offsets: offset of each tap past the smallest one, in pixels.
-        origin: the smallest offset, in pixels.
-    """
-
-    block: tuple[int, int, int]
-    channels: tuple[int, ...]
-    offsets: tuple[int, ...]
-    origin: int
-
-    @classmethod
-    def of(cls, taps: Taps, block: tuple[int, int, int]) -> BlockModel:
-        """The model of blocks (L, h, w) seen through ``taps``.
-
-        Raises:
-            ShapeError: other channel count, or a block no wider than the dispersion.
-        """
-        origin, span = min(taps.offsets), max(taps.offsets) - min(taps.offsets)
-        if block[0] != taps.scene_channels:
-            found, wanted = f"{block[0]} channels", f"the {taps.scene_channels} of the codes"
-            raise ShapeError("prior", found, wanted, "learn the prior on the same bands")
-        if block[2] <= span:
-            found, wanted = f"blocks {block[2]} columns wide", f"more than the dispersion of {span}"
-            raise ShapeError("prior", found, wanted, "learn wider blocks")
-        return cls(block, taps.channels, tuple(o - origin for o in taps.offsets), origin)
-
-    @property
-    def span(self) -> int:
-        """Columns between the first and the last tap."""
-        return max(self.offsets)
-
-    @property
-    def columns(self) -> int:
-        """Complete snapshot columns of a block."""
-        return self.block[2] - self.span
-
-    @property
-    def measurements(self) -> int:
-        """Complete measurements of a block."""
-        return self.block[1] * self.columns
-
-    @property
-    def valid(self) -> tuple[int, int]:
-        """First and one-past-last block column whose light lands on complete snapshot columns in the most taps."""
-        count = [sum(self.span <= x + o < self.block[2] for o in self.offsets) for x in range(self.block[2])]
-        seen = [x for x, taps in enumerate(count) if taps == max(count)]
-        return seen[0], seen[-1] + 1
-
-    def in_judged(self, values: Tensor) -> Tensor:
-        """The part of values (..., L·h·w) that belongs to the valid columns, flat again."""
-        first, last = self.valid
-        return values.unflatten(-1, self.block)[..., first:last].flatten(-3)
-
-    def pixels(self) -> Tensor:
-        """(measurements, taps) flat index, in the block, of the pixel that each tap brings to each measurement."""
-        (_, h, w), row = self.block, torch.arange(self.block[1])[:, None, None]
-        column = self.span + torch.arange(self.columns)[None, :, None] - torch.tensor(self.offsets)
-        return (torch.tensor(self.channels) * h * w + row * w + column).reshape(self.measurements, -1)
-
-    def complete(self, windows: Tensor) -> Tensor:
-        """(P, taps, h, columns) the part of code windows (P, taps, h, w) that feeds the complete measurements."""
-        parts = [windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
-        return torch.stack(parts, 1)
-
-    def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
-        """A applied to blocks (..., P, n), with weights (P, taps, h, columns): (..., P, measurements)."""
-        bands = blocks.unflatten(-1, self.block).unbind(-3)
-        total = blocks.new_zeros(*blocks.shape[:-1], self.block[1], self.columns)
-        for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            light = bands[channel][..., self.span - o : self.span - o + self.columns]
-            total = torch.addcmul(total, light, weights[:, t])
-        return total.flatten(-2)
-
-    def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
-        """(measurements, P, n) covariance A S of measurements with pixels; ``rows`` is ``covariance[pixels()]``."""
-        return torch.bmm(weights.permute(2, 3, 0, 1).flatten(0, 1), rows)
-
-
-@dataclass(frozen=True)
-class BlockGrid:
-    """Where blocks are laid over a frame: corners may hang over its edges.
-
-    Args:
-        model: geometry of one block.
-        frame: (H, W) of the scene.
-        tops: first row of each row of blocks.
-        lefts: first column of each column of blocks, may be negative.
-    """
-
-    model: BlockModel
-    frame: tuple[int, int]
-    tops: tuple[int, ...]
-    lefts: tuple[int, ...]
-
-    @classmethod
-    def cover(cls, model: BlockModel, frame: tuple[int, int], stride: tuple[int, int]) -> BlockGrid:
-        """Blocks ``stride`` (rows, columns) apart, the last ones flush, whose valid columns cover the frame."""
-        (_, h, _), (first, last) = model.block, model.valid
-        tops = _starts(frame[0] - h, stride[0])
-        lefts = [x - first for x in _starts(frame[1] - (last - first), min(stride[1], model.columns, last - first))]
-        return cls(model, frame, tuple(tops), tuple(lefts))
-
-    @property
-    def positions(self) -> list[tuple[int, int]]:
-        """(top, left) of every block, row by row."""
-        return [(top, left) for top in self.tops for left in self.lefts]
-
-    @property
-    def padding(self) -> tuple[int, int, int, int]:
-        """Zeros to add left, right, above and below the frame so that every block lies inside."""
-        _, h, w = self.model.block
-        right, below = max(self.lefts) + w - self.frame[1], max(self.tops) + h - self.frame[0]
-        return max(0, -min(self.lefts)), max(0, right), 0, max(0, below)
-
-    def pad_code(self, code: Tensor) -> Tensor:
-        """A code (taps, H, W) with zeros around, where blocks hang over the frame."""
-        return torch.nn.functional.pad(code, self.padding)
-
-    def pad_snapshot(self, snapshot: Tensor) -> Tensor:
-        """Snapshots (B, H, W') with zeros around: no light falls there."""
-        left, _, _, below = self.padding
-        right = max(0, max(self.lefts) + self.model.block[2] + self.model.origin - snapshot.shape[-1])
-        return torch.nn.functional.pad(snapshot, (left, right, 0, below))
-
-    def code_windows(self, padded: Tensor, positions: list[tuple[int, int]]) -> Tensor:
-        """(P, taps, h, w) windows of a padded code."""
-        (_, h, w), left = self.model.block, self.padding[0]
-        return torch.stack([padded[:, y : y + h, x + left : x + left + w] for y, x in positions])
-
-    def snapshot_windows(self, padded: Tensor, positions: list[tuple[int, int]]) -> Tensor:
-        """(P, B, measurements) complete measurements of each block in padded snapshots."""
-        model, first = self.model, self.padding[0] + self.model.origin + self.model.span
-        views = [padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
-        return torch.stack(views).flatten(2)
-
-
-def _starts(slack: int, stride: int) -> list[int]:
-    """0, stride, 2·stride … and ``slack`` itself as the last; [0] where there is no slack."""
-    return [*range(0, slack, stride), max(0, slack)]
 
 
 @dataclass(frozen=True)
@@ -345,7 +194,7 @@ class BlockPosterior:
         estimate = self.estimate(block, measured)
         if not with_variance:
             return estimate, None
-        valid = self.solver.model.in_judged
+        valid = self.solver.model.in_valid
         left = valid(self.solver.variance) - explained_variance(self.factor[block], valid(self.cross[:, block]))
         return estimate, left.clamp(min=0).expand(len(estimate), -1)
 

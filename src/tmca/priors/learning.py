@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError, ShapeError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,9 +20,13 @@ PATCH = (11, 11)
 _ROWS, _ENTRIES, _MIXTURE_ROWS, _MIXTURE_ENTRIES = 12, 5184, 8, 3456
 _COMPLETE, _FEWEST_ROWS = 14, 2
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
+_SCENES = ("light_field", "radiance")
+"""Variables of datasets that hold a scene."""
+_VIEW_AXES = ("view_v", "view_u", "y", "x")
+_AXES = (("wavelength", "y", "x"), _VIEW_AXES, ("colour", *_VIEW_AXES))
 
 
-def usual_block(kind: str, bands: int = 0, spread: int = 0, views: tuple[int, int] | None = None) -> tuple[int, int]:
+def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, int] | None = None) -> tuple[int, int]:
     """(rows, columns) of blocks of cubes or views.
 
     Blocks of cubes are wide enough that some columns see all their light from inside. For 12 bands at one pixel per
@@ -36,18 +40,37 @@ def usual_block(kind: str, bands: int = 0, spread: int = 0, views: tuple[int, in
     if views is not None:
         side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
         return side - 1 + side % 2, side - 1 + side % 2
-    columns = max(2 * spread + _COMPLETE, 24)
+    columns = max(2 * extent + _COMPLETE, 24)
     rows, entries = (_MIXTURE_ROWS, _MIXTURE_ENTRIES) if kind == "mixture" else (_ROWS, _ENTRIES)
     return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 
 def values_of(scene: xr.DataArray | xr.Dataset) -> xr.DataArray:
-    """The cube or light field of a scene."""
+    """The cube (wavelength, y, x) or light field ([colour,] view_v, view_u, y, x) of a scene.
+
+    Raises:
+        SettingError: what is no labelled array.
+        ShapeError: one with other axes.
+        DataError: a dataset without a scene, or values that are no numbers.
+    """
     import xarray as xr
 
-    if isinstance(scene, xr.DataArray):
-        return scene
-    return scene["light_field" if "light_field" in scene else "radiance"]
+    if isinstance(scene, xr.Dataset):
+        name = next((name for name in _SCENES if name in scene), None)
+        if name is None:
+            found = f"a dataset of {', '.join(map(str, scene.data_vars)) or 'nothing'}"
+            raise DataError("scenes", found, f"one with {' or '.join(_SCENES)}")
+        scene = scene[name]
+    if not isinstance(scene, xr.DataArray):
+        wanted, remedy = "labelled cubes or light fields", "read them with tmca.read"
+        raise SettingError("scenes", f"a {type(scene).__name__}", wanted, remedy)
+    axes = next((axes for axes in _AXES if set(axes) == set(scene.dims)), None)
+    if axes is None or (axes[0] == "wavelength" and "wavelength" not in scene.coords):
+        found, lengths = f"axes ({', '.join(map(str, scene.dims))})", "wavelength (with its metres), y and x"
+        raise ShapeError(_name(scene), found, f"{lengths}, or view_v, view_u, y and x, with colour or not")
+    if scene.dtype.kind not in "fiu":
+        raise DataError(_name(scene), f"values of type {scene.dtype}", "real numbers")
+    return scene.transpose(*axes)
 
 
 def views_of(light_field: xr.DataArray) -> list[Tensor]:

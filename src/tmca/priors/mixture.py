@@ -14,15 +14,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import one_hot
 
-from tmca.errors import SettingError, ShapeError
-from tmca.priors.gaussian import (
-    BlockModel,
-    GaussianPrior,
-    GaussianSolver,
-    explained_variance,
-    noise_variance,
-    sufficient_precision,
-)
+from tmca.errors import ShapeError, check_range
+from tmca.priors.blocks import BlockModel
+from tmca.priors.gaussian import GaussianPrior, GaussianSolver, explained_variance, noise_variance, sufficient_precision
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, Kinds, checked_cubes, leading_eigenvectors, normalised, random_blocks
 from tmca.sensor import Noise
@@ -42,7 +36,7 @@ _IN_FILES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class GaussianMixturePrior(Prior):
     """Scene blocks as gain times a sample of one of K Gaussians.
 
@@ -74,6 +68,7 @@ class GaussianMixturePrior(Prior):
         "gain_level": ("gain",),
         "weight": ("kind", "gain"),
     }
+    settings_of_views: ClassVar[Mapping[str, Any]] = {"kinds": 8, "rank": 150, "gains": 4, "samples": 16_000}
     base: GaussianPrior
     basis: Tensor
     means: Tensor
@@ -170,9 +165,9 @@ class GaussianMixturePrior(Prior):
         Raises:
             SettingError: fewer than one kind, gain or dimension, or too few samples for them.
         """
-        if min(kinds, rank, gains) < 1 or steps < 0 or samples < 10 * kinds:
-            found = f"kinds {kinds}, rank {rank}, gains {gains}, samples {samples}"
-            raise SettingError("learn", found, "≥ 1, and 10 samples per kind")
+        for name, number, least in (("kinds", kinds, 1), ("rank", rank, 1), ("gains", gains, 1), ("steps", steps, 0)):
+            check_range(name, number, least, whole=True)
+        check_range("samples", samples, 10 * kinds, whole=True, remedy="take ten for each kind")
         examples = checked_cubes(cubes, block, views)
         base = GaussianPrior.learn(examples, block, floor=floor, wavelengths=wavelengths, sources=sources, views=views)
         basis = leading_eigenvectors(base.covariance, min(rank, base.mean.numel()))
@@ -185,6 +180,7 @@ class GaussianMixturePrior(Prior):
         return cls(base, basis, parts.means, parts.covariances, parts.scales, levels, counts / counts.sum())
 
     def sample(self, count: int, seed: int) -> Tensor:
+        check_range("count", count, 1, whole=True)
         generator = torch.Generator().manual_seed(seed)
         drawn = torch.multinomial(self.weights.flatten(), count, replacement=True, generator=generator)
         out = torch.empty(count, *self.block, dtype=torch.float64)
@@ -306,7 +302,7 @@ class MixturePosterior:
 
     def _variance(self, block: int, likely: Components, share: Tensor, solved: Tensor, estimate: Tensor) -> Tensor:
         """(N, valid) variance within the components plus that between them."""
-        pick = self.solver.model.in_judged
+        pick = self.solver.model.in_valid
         total, weight = torch.zeros_like(pick(estimate)), torch.zeros_like(estimate[:, :1])
         for index in (share.amax(1) > _NEGLIGIBLE).nonzero()[:, 0].tolist():
             probability = share[index].to(estimate.dtype)[:, None]
@@ -321,8 +317,8 @@ class MixturePosterior:
         """(valid,) posterior variance of one component."""
         s, kind = self.solver, int(likely.kinds[index])
         scale, square = float(s.prior.scales[kind]), float(likely.gains[index]) ** 2
-        cross = scale * s.model.in_judged(self.cross[:, block]) + self.inside[block] @ s.changes[kind] @ s.judged_basis
-        before = s.model.in_judged(scale * s.variance + s.tilts[kind])
+        cross = scale * s.model.in_valid(self.cross[:, block]) + self.inside[block] @ s.changes[kind] @ s.valid_basis
+        before = s.model.in_valid(scale * s.variance + s.tilts[kind])
         return (square * before - square**2 * explained_variance(likely.factors[index], cross)).clamp(min=0)
 
 
@@ -339,7 +335,7 @@ class MixtureSolver:
         self.variance = prior.decoupled.diagonal().to(self.dtype)
         self.tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
         self.rows = prior.decoupled.to(self.dtype)[model.pixels()]
-        self.judged_basis = model.in_judged(self.basis.mT)
+        self.valid_basis = model.in_valid(self.basis.mT)
         self.glance = _glance(model)
 
     def posterior(self, windows: Tensor) -> MixturePosterior:

@@ -14,6 +14,7 @@ import numpy as np
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
+from tmca.arguments import checked
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.design import (
@@ -21,6 +22,7 @@ from tmca.design import (
     Candidate,
     Effort,
     Examples,
+    Progress,
     SensorSheet,
     advise,
     check_search,
@@ -49,7 +51,6 @@ COLUMNS = (
     ("throughput", "light", ".1%"),
     ("seconds", "CPU seconds", ".0f"),
 )
-Told = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,16 @@ class Learned:
     camera: dict[str, Any]
 
 
+def read_scenes(names: Sequence[str], read: Callable[[str], Any], progress: Progress) -> dict[str, Any]:
+    """What ``read`` gives of every scene, by the stem of its name, or by its name where the stem is taken."""
+    scenes: dict[str, Any] = {}
+    for place, name in enumerate(names):
+        progress(place / len(names), f"reading {name}")
+        scene = read(name)
+        scenes[name if Path(name).stem in scenes else Path(name).stem] = scene
+    return scenes
+
+
 def named_once(names: Sequence[str]) -> None:
     """Raises DataError for a scene that is named twice."""
     for name in names:
@@ -72,10 +83,11 @@ def named_once(names: Sequence[str]) -> None:
             raise DataError(name, "the same scene twice", "each scene once", "leave one out")
 
 
+@checked
 def search_codes(
     sheet: SensorSheet,
     out: Path,
-    learn: Callable[[Told], Learned],
+    learn: Callable[[Progress], Learned],
     bare: Mapping[str, Any],
     scenes: int,
     *,
@@ -87,7 +99,7 @@ def search_codes(
     light: float | None = None,
     seed: int = 0,
     overwrite: bool = False,
-    progress: Told | None = None,
+    progress: Progress | None = None,
     command: Sequence[str] = (),
 ) -> tuple[Advice, dict[str, Any]]:
     """Search codes of a camera for a sensor and write them to a folder.
@@ -123,21 +135,21 @@ def search_codes(
     check_search(sheet, slots, kinds, period, seed, throughput, light)
     check_size(bare, (period, period), sheet.allowed(slots), scenes)
     check_folder(out)
-    told = progress or (lambda share, step: None)
-    learned = learn(told)
+    progress = progress or (lambda share, step: None)
+    learned = learn(progress)
     examples = learned.examples if light is None else learned.examples.under(light)
     advice = advise(
         examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
-        seed=seed, progress=lambda share, step: told(0.3 + 0.68 * share, step), **learned.camera,
+        seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
     )  # fmt: skip
     make_folder(out)
-    found = _described(advice, examples, learned.examples.light, period, command)
-    sections = _sections(advice, found)  # before anything is written
-    _write_codes(advice.best.design.camera, out, found, overwrite)
-    write_json(found, out / "design.json", overwrite=overwrite)
+    record = _described(advice, examples, learned.examples.light, period, command)
+    sections = _sections(advice, record)  # before anything is written
+    _write_codes(advice.best.design.camera, out, record, overwrite)
+    write_json(record, out / "design.json", overwrite=overwrite)
     title = f"Codes for a {advice.best.design.camera.kind} camera"
     write_report(out / "design.html", title, sections, overwrite=overwrite)
-    return advice, found
+    return advice, record
 
 
 def _described(
@@ -172,7 +184,7 @@ def _row(candidate: Candidate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overwrite: bool) -> None:
+def _write_codes(camera: CodedCamera, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
     """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
     import tifffile
 
@@ -183,14 +195,14 @@ def _write_codes(camera: CodedCamera, out: Path, found: Mapping[str, Any], overw
     for name, tile in (("aperture", aperture), ("shutter", shutter)):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
             tifffile.imwrite(temporary, 255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
-    notes = {"advice": found["advice"], "sensor": found["sensor"], CODES_DATE: now()}
-    period = (int(found["period"]), int(found["period"]))
+    notes = {"advice": record["advice"], "sensor": record["sensor"], CODES_DATE: now()}
+    period = (int(record["period"]), int(record["period"]))
     write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
 
 
-def _light(found: Mapping[str, Any]) -> str:
+def _light(record: Mapping[str, Any]) -> str:
     """How bright the scenes are taken to be."""
-    light, given = found["light"], found["examples_light"]
+    light, given = record["light"], record["examples_light"]
     if light == given:
         return f"Scenes of mean irradiance {given:.3g} (white = 1), as given; dimmed ones see more noise, see --light."
     changed = "dimmed" if light < given else "lit"
@@ -201,44 +213,44 @@ def _light(found: Mapping[str, Any]) -> str:
     )
 
 
-def _training(found: Mapping[str, Any]) -> str:
+def _training(record: Mapping[str, Any]) -> str:
     """The command that trains a network for the codes."""
-    camera = {"slots": found["best"]["slots"], "period": found["period"], "learn": "none"}
-    if found["best"]["slots"] == 1:
+    camera = {"slots": record["best"]["slots"], "period": record["period"], "learn": "none"}
+    if record["best"]["slots"] == 1:
         camera["shutter"] = "open"
-    camera |= {"views": round(found["channels"] ** 0.5)} if found["camera"] == "light-field" else {}
-    told = " ".join(f"--set camera.{name}={value}" for name, value in camera.items())
-    told += f" --set data.bands={found['channels']}" if found["camera"] == "spectral" else ""
-    return f"tmca train {found['camera']} --preset quick --set codes.start=codes.nc {told}"
+    camera |= {"views": round(record["channels"] ** 0.5)} if record["camera"] == "light-field" else {}
+    options = " ".join(f"--set camera.{name}={value}" for name, value in camera.items())
+    options += f" --set data.bands={record['channels']}" if record["camera"] == "spectral" else ""
+    return f"tmca train {record['camera']} --preset quick --set codes.start=codes.nc {options}"
 
 
-def _sections(advice: Advice, found: Mapping[str, Any]) -> list[Section]:
-    final = [found["static"], *([found["chosen"]] if found["chosen"] else [])]
+def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
+    final = [record["static"], *([record["chosen"]] if record["chosen"] else [])]
     scenes = [
         {"scene": name, "static": advice.static.held_out[name], "own": value, "gain": advice.best.gains[name]}
         for name, value in advice.best.held_out.items()
     ]
-    sheet = {name: value for name, value in found["sensor"].items() if value not in (None, 0.0)}
+    sheet = {name: value for name, value in record["sensor"].items() if value not in (None, 0.0)}
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
     about = [
-        found["advice"],
+        record["advice"],
         "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
-        f"unit. {_light(found)}",
+        f"unit. {_light(record)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
         "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
         "knows only the others.",
     ]
     columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
     survey = ["A survey with less effort; gains are over its own static code, the first row."]
-    codes = [f"Take them along: tmca simulate {found['camera']} SCENE --codes codes.nc; train a network for them: "
-             f"{_training(found)}."]  # fmt: skip
+    codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "
+             f"{_training(record)}."]  # fmt: skip
     return [
         Section("Advice", about, final, COLUMNS),
-        Section("Every number of slots", survey, found["surveyed"], COLUMNS,
+        Section("Every number of slots", survey, record["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
-        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, found["period"])}),
+        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, record["period"])}),
     ]  # fmt: skip
 
 

@@ -48,21 +48,21 @@ def judge_codes(
         DataError: no codes of a spectral or light-field camera in the file, or a prior of other bands.
         SettingError: relay blur, or a sensor that does not fit.
     """
-    known = coded_camera(file, bands, camera or {})
-    found = measures(known)
-    told: dict[str, Any] = {
-        "file": str(file), "camera": known.kind, "slots": known.slots, "channels": known.channels,
-        "throughput": found.throughput, "contrast": found.contrast, "likeness": found.likeness,
-        "coherence": found.coherence, "levels": {f"{level:g}": share for level, share in found.levels.items()},
-        "correlation": found.band_correlation.tolist(), "singular_values": found.singular_values.tolist(),
+    coded = coded_camera(file, bands, camera or {})
+    figures = measures(coded)
+    report: dict[str, Any] = {
+        "file": str(file), "camera": coded.kind, "slots": coded.slots, "channels": coded.channels,
+        "throughput": figures.throughput, "contrast": figures.contrast, "likeness": figures.likeness,
+        "coherence": figures.coherence, "levels": {f"{level:g}": share for level, share in figures.levels.items()},
+        "correlation": figures.band_correlation.tolist(), "singular_values": figures.singular_values.tolist(),
     }  # fmt: skip
     if prior is not None:
-        told["expected_psnr"] = _expected(known, prior, sheet)
+        report["expected_psnr"] = _expected(coded, prior, sheet)
     elif sheet is not None:
         raise SettingError("sensor", "given", "none without --prior, under which its error is expected")
     if figure is not None:
-        save_figure(_measures(found, known), figure, overwrite=overwrite)
-    return told
+        save_figure(_measures(figures, coded), figure, overwrite=overwrite)
+    return report
 
 
 def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> CodedCamera:
@@ -96,11 +96,11 @@ def _expected(camera: CodedCamera, prior: str | Path, sheet: SensorSheet | None)
     return expected_psnr(known, camera.taps(), sensor.noise(camera.white, camera.exposures))
 
 
-def _measures(found: CodeMeasures, camera: CodedCamera) -> Figure:
+def _measures(figures: CodeMeasures, camera: CodedCamera) -> Figure:
     titles = (
-        f"levels, K = {camera.slots}, {found.throughput:.1%} of the light",
+        f"levels, K = {camera.slots}, {figures.throughput:.1%} of the light",
         f"correlation of {camera.channel}s",
-        f"singular values of blocks, coherence {found.coherence:.2f}",
+        f"singular values of blocks, coherence {figures.coherence:.2f}",
     )
-    values = np.asarray(found.singular_values)
-    return measures_figure(found.levels, found.band_correlation.numpy(), values, camera.slots, titles)
+    values = np.asarray(figures.singular_values)
+    return measures_figure(figures.levels, figures.band_correlation.numpy(), values, camera.slots, titles)

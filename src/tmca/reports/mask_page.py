@@ -96,27 +96,27 @@ def _row(advice: MaskAdvice, candidate: MaskCandidate) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def write_design(advice: MaskAdvice, found: dict[str, Any], out: Path, overwrite: bool) -> None:
+def write_design(advice: MaskAdvice, record: dict[str, Any], out: Path, overwrite: bool) -> None:
     """Write a folder; everything is drawn before anything is written."""
     from tmca.data import make_folder, write_json
 
     figures = {"fisher.png": _fisher(advice.candidates), "distances.png": _distances(advice.candidates)}
-    for own in advice.candidates:
+    for design in advice.candidates:
         figures |= {
-            f"masks_k{own.slots}.png": phase_codes_figure(own.camera),
-            f"psf_k{own.slots}.png": psf_figure(own.camera),
+            f"masks_k{design.slots}.png": phase_codes_figure(design.camera),
+            f"psf_k{design.slots}.png": psf_figure(design.camera),
         }
     make_folder(out)
-    filters, channels, dated = str(found["filters"]), str(found["channels"]), {CODES_DATE: now()}
+    filters, channels, dated = str(record["filters"]), str(record["channels"]), {CODES_DATE: now()}
     for name, figure in figures.items():
         save_figure(figure, out / name, overwrite=overwrite)
-    for own, row in zip(advice.candidates, found["designs"], strict=True):
-        notes = {"advice": found["advice"], "confusion": row["confusion"], "sensor": found["sensor"]} | dated
-        for name in (row["codes"], *(["codes.nc"] if own is advice.best else [])):
-            write_phase_codes(own.camera, out / name, filters, channels, notes, overwrite=overwrite)
-    write_json(found, out / "design.json", overwrite=overwrite)
+    for design, row in zip(advice.candidates, record["designs"], strict=True):
+        notes = {"advice": record["advice"], "confusion": row["confusion"], "sensor": record["sensor"]} | dated
+        for name in (row["codes"], *(["codes.nc"] if design is advice.best else [])):
+            write_phase_codes(design.camera, out / name, filters, channels, notes, overwrite=overwrite)
+    write_json(record, out / "design.json", overwrite=overwrite)
     title = "Phase masks for a spectral-depth camera"
-    write_report(out / "design.html", title, _sections(advice, found, figures), overwrite=overwrite)
+    write_report(out / "design.html", title, _sections(advice, record, figures), overwrite=overwrite)
 
 
 def _named(candidate: MaskCandidate) -> str:
@@ -124,16 +124,16 @@ def _named(candidate: MaskCandidate) -> str:
 
 
 def _fisher(candidates: Sequence[MaskCandidate]) -> Figure:
-    both = {_named(own): (own.random_information.numpy(), own.information.numpy()) for own in candidates}
+    both = {_named(design): (design.random_information.numpy(), design.information.numpy()) for design in candidates}
     return fisher_figure(both, candidates[0].camera.planes.metres.numpy())
 
 
 def _distances(candidates: Sequence[MaskCandidate]) -> Figure:
     """Kullback–Leibler and Bhattacharyya distances of all pairs of planes: random and designed masks of every K."""
     covariances = {
-        f"{_named(own)}, {name}": covariance
-        for own in candidates
-        for name, covariance in (("random", own.random_covariance), ("designed", own.covariance))
+        f"{_named(design)}, {name}": covariance
+        for design in candidates
+        for name, covariance in (("random", design.random_covariance), ("designed", design.covariance))
     }
     kinds = (("Kullback–Leibler", kullback_leibler, 10 * _SURE), ("Bhattacharyya", bhattacharyya, _SURE))
     distances = {
@@ -143,21 +143,21 @@ def _distances(candidates: Sequence[MaskCandidate]) -> Figure:
     return distances_figure(distances, candidates[0].camera.planes.metres.numpy())
 
 
-def _sections(advice: MaskAdvice, found: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:
-    effort, noise = found["effort"], found["noise"]
+def _sections(advice: MaskAdvice, record: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:
+    effort, noise = record["effort"], record["noise"]
     about = [
-        found["advice"],
+        record["advice"],
         f"Read noise {noise['read']:.3g}, shot variance {noise['shot']:.3g} per unit (1 = one band of a white scene); "
-        f"windows of {found['window']} pixels, {len(found['wavelengths'])} bands, {len(found['depth'])} planes.",
+        f"windows of {record['window']} pixels, {len(record['wavelengths'])} bands, {len(record['depth'])} planes.",
         f"Equal effort: {effort['starts']} starts of {effort['steps']} steps for every K, at equal exposure time; more "
         f"slots also start from the best static mask shown in all of them. Shutter with several slots: "
-        f"{found['shutter']}; open with one.",
-        found["caveat"],
+        f"{record['shutter']}; open with one.",
+        record["caveat"],
         "Take masks along: tmca simulate spectral-depth SCENE --codes codes.nc.",
     ]
-    each = [own.slots for own in advice.candidates]
+    each = [design.slots for design in advice.candidates]
     return [
-        Section("Advice", about, found["designs"], COLUMNS),
+        Section("Advice", about, record["designs"], COLUMNS),
         Section("Over depth", figures={
             "Fisher information about inverse depth": figures["fisher.png"],
             "How far the snapshots of two planes are apart: square roots, alike from where they are never confused":

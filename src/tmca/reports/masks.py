@@ -11,21 +11,24 @@ import numpy as np
 import torch
 
 from tmca.applications.example_scenes import JUDGING, judge_on
+from tmca.arguments import checked
 from tmca.cameras import SpectralDepthCamera
-from tmca.data.fitting import at_bands
+from tmca.data import at_bands, check_folder, read, rendered_scene, split_rendered
+from tmca.data.rendering import is_rendered
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.evaluation.tables import check_new
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
 from tmca.priors.spectral_depth import needed_block
-from tmca.reports.codes import named_once
+from tmca.reports.codes import named_once, read_scenes
 from tmca.reports.mask_page import described, design_files, write_design
 
 SLOTS = (1, 2, 4)
 """Numbers of slots that are tried."""
 
 
+@checked
 def design_spectral_depth(
     sheet: SensorSheet,
     out: Path,
@@ -86,8 +89,6 @@ def design_spectral_depth(
         StrayLight, Undersampled: recommended masks that send light beside their windows, or are steeper than their
             pixels.
     """
-    from tmca.data import check_folder
-
     counts = _counts(sheet, slots)
     check_new((out / name for name in design_files(counts)), overwrite)
     settings = _camera(preset, bands, {**(camera or {}), "sensor": sheet.sensor()})
@@ -107,17 +108,19 @@ def design_spectral_depth(
         task.camera_of(count, 0)
     named_once(scenes)
     check_folder(out)
-    told, effort = progress or (lambda share, step: None), effort or MaskEffort()
-    cubes = (
-        [] if prior is not None else _cubes(scenes, task.camera["bands"], lambda share, step: told(0.1 * share, step))
-    )
-    known = _prior(scenes, prior, cubes, task, lambda share, step: told(0.1 + 0.2 * share, step))
-    judge = judge_on(cubes, known, window)
-    advice = search_masks(task, known, counts, effort, lambda share, step: told(0.3 + 0.68 * share, step), judge)
-    found = described(advice, task, effort, known, {"preset": preset, "sensor": asdict(sheet)}, command)
-    write_design(advice, found, out, overwrite)
+    progress, effort = progress or (lambda share, step: None), effort or MaskEffort()
+    waves, cubes = task.camera["bands"], list[torch.Tensor]()
+    if prior is None:
+        names = scenes or sorted(split_rendered()["train"])[:JUDGING]
+        read = read_scenes(names, lambda name: _cube(name, waves), lambda share, step: progress(0.1 * share, step))
+        cubes = list(read.values())
+    learned = _prior(scenes, prior, cubes, task, lambda share, step: progress(0.1 + 0.2 * share, step))
+    judge = judge_on(cubes, learned, window)
+    advice = search_masks(task, learned, counts, effort, lambda share, step: progress(0.3 + 0.68 * share, step), judge)
+    record = described(advice, task, effort, learned, {"preset": preset, "sensor": asdict(sheet)}, command)
+    write_design(advice, record, out, overwrite)
     check_mask(advice.best.camera.point_spread)
-    return advice, found
+    return advice, record
 
 
 def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
@@ -133,32 +136,21 @@ def _bench(preset: str, changes: Mapping[str, Any]) -> PhaseMaskBench:
 def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
     if reach is None:
         if levels is not None:
-            raise SettingError("--levels", f"{levels} without a stroke", "the device's --stroke beside it")
+            raise SettingError("levels", f"{levels} without a stroke", "the device's --stroke beside it")
         return None
     if not 0 < reach < float("inf"):
-        raise SettingError("--stroke", f"{reach:g} m", "metres above 0")
+        raise SettingError("stroke", f"{reach:g} m", "metres above 0")
     return Stroke(-reach / 2, reach / 2, levels)
 
 
 def _camera(preset: str, bands: int, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of the searched cameras."""
-    own = SpectralDepthCamera.preset(preset)
+    defaults = SpectralDepthCamera.preset(preset)
     if bands < 2:
-        raise SettingError("--bands", str(bands), "2 or more")
-    waves = tuple(np.linspace(own["bands"][0], own["bands"][-1], bands).tolist())
-    kept = {name: own[name] for name in ("depth", "planes", "period")}
-    return {**kept, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
-
-
-def _cubes(scenes: Sequence[str], waves: Sequence[float], told: Progress) -> list[torch.Tensor]:
-    """Example scenes (L, H, W) at these bands; some of the rendered training scenes without any."""
-    from tmca.data import split_rendered
-
-    names, cubes = scenes or sorted(split_rendered()["train"])[:JUDGING], list[torch.Tensor]()
-    for place, name in enumerate(names):
-        told(place / len(names), f"reading {name}")
-        cubes.append(torch.from_numpy(np.ascontiguousarray(_cube(name, waves))))
-    return cubes
+        raise SettingError("bands", str(bands), "2 or more")
+    waves = tuple(np.linspace(defaults["bands"][0], defaults["bands"][-1], bands).tolist())
+    same = {name: defaults[name] for name in ("depth", "planes", "period")}
+    return {**same, "filters": "clear", "channels": "monochrome", **changes, "bands": waves}
 
 
 def _prior(
@@ -166,26 +158,27 @@ def _prior(
     prior: str | Path | GaussianPrior | None,
     cubes: Sequence[torch.Tensor],
     task: MaskTask,
-    told: Progress,
+    progress: Progress,
 ) -> GaussianPrior:
     camera = task.camera_of(1, 0)
     block = needed_block(max(task.window, camera.tile_size), task.bench.window)  # a judge decodes a tile at least
     if prior is not None and scenes:
-        raise SettingError("--prior", "scenes beside it", "one of them")
+        raise SettingError("prior", "scenes beside it", "one of them")
     if not scenes:
-        return find_prior(camera, prior, block=block, progress=told)
-    told(0.5, "learning what the scenes have in common")
+        return find_prior(camera, prior, block=block, progress=progress)
+    progress(0.5, "learning what the scenes have in common")
     sources = [Path(name).stem for name in scenes]
     return GaussianPrior.learn(list(cubes), block, wavelengths=task.camera["bands"], sources=sources)
 
 
-def _cube(name: str, waves: Sequence[float]) -> np.ndarray:
+def _cube(name: str, waves: Sequence[float]) -> torch.Tensor:
     """(L, H, W) of an example scene at these bands."""
-    from tmca.data import read, rendered_names, rendered_scene
-
-    if not Path(name).exists() and name in rendered_names():
-        return np.asarray(rendered_scene(name, wavelengths=list(waves), size=(256, 256))["radiance"].values)
-    cube = at_bands(read(name), waves)
+    rendered = is_rendered(name)
+    cube = (
+        rendered_scene(name, wavelengths=waves, size=(256, 256))["radiance"]
+        if rendered
+        else at_bands(read(name), waves)
+    )
     if not cube.values.any():
         raise DataError(name, "no light, every pixel is zero", "a lit scene", "leave it out")
-    return np.asarray(cube.values, dtype=np.float32)
+    return torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))

@@ -98,8 +98,9 @@ class ColourCodedAperture(nn.Module):
         """The same tile over a sensor of another size (H, W); itself at its own size."""
         if size == self.plane.size:
             return self
-        other = copy.copy(self)
-        other._modules = {**self._modules, "plane": self.plane.resized(size)}
+        tensors = (*self.parameters(), *self.buffers())
+        other = copy.deepcopy(self, {id(tensor): tensor for tensor in tensors})  # which are shared
+        other.plane = self.plane.resized(size)
         return other
 
     def relax(self, relaxed: bool) -> None:

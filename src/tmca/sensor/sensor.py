@@ -8,6 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from tmca.arguments import Float, Int, checked
 from tmca.errors import SettingError, check_range
 
 
@@ -71,6 +72,7 @@ def quantise(values: Tensor, low: float, high: float, bits: int) -> Tensor:
     return _Round.apply((values.clamp(low, high) - low) / step) * step + low
 
 
+@checked
 class Sensor(nn.Module):
     """From exact irradiance to a recorded snapshot, in the same units.
 
@@ -86,17 +88,17 @@ class Sensor(nn.Module):
         pedestal: share of full scale that the converter keeps below zero, so that noise around black is not clipped.
 
     Raises:
-        SettingError: negative noise, full well ≤ 0, bits outside 1…32, electrons without a full well.
+        SettingError: no number, negative noise, full well ≤ 0, bits outside 1…32, electrons without a full well.
     """
 
     def __init__(
         self,
-        read_noise: float = 0.0,
-        full_well: float | None = None,
-        read_noise_electrons: float = 0.0,
-        bits: int | None = None,
+        read_noise: Float = 0.0,
+        full_well: Float | None = None,
+        read_noise_electrons: Float = 0.0,
+        bits: Int | None = None,
         saturates: bool | None = None,
-        pedestal: float = 1 / 64,
+        pedestal: Float = 1 / 64,
     ) -> None:
         super().__init__()
         check_range("read_noise", read_noise, 0)

@@ -103,14 +103,14 @@ def read_yaml(file: Path, expected: str) -> dict[str, Any]:
     import yaml
 
     try:
-        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+        values = yaml.safe_load(file.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(file, "no such file", expected) from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise DataError(file, f"no readable YAML ({error})", expected) from None
-    if not isinstance(found, dict):
-        raise DataError(file, f"a {type(found).__name__}", expected)
-    return found
+    if not isinstance(values, dict):
+        raise DataError(file, f"a {type(values).__name__}", expected)
+    return values
 
 
 def _parts(value: Any) -> Any:

@@ -34,6 +34,10 @@ class CameraSpec(Spec):
         """Arguments of the camera's constructor that were given, files by their names."""
         return self.given(*self.sources)
 
+    def learned(self) -> tuple[str | None, str]:
+        """Weights that bring codes and optics, None without, and the field that names them."""
+        return getattr(self, "weights", None), "weights"
+
     @classmethod
     def axes(cls) -> tuple[str, ...]:
         """Names of what a sweep can vary: arguments of the constructor that are no files."""
@@ -150,3 +154,8 @@ class SpectralDepthSpec(CameraSpec):
                 wanted = "a random mask that has it"
                 raise SettingError(name, f"a mask that is {self.mask}", wanted, "leave one of the two out")
         return given | ({"rms": given.pop("rms_nm") * 1e-9} if "rms_nm" in given else {})
+
+    def learned(self) -> tuple[str | None, str]:
+        """See ``CameraSpec``: codes that are no file of `tmca design`."""
+        searched = self.codes is None or self.codes.suffix == ".nc"
+        return (None if searched else str(self.codes)), "codes"

@@ -50,8 +50,8 @@ class MaskCameraSpec(Spec):
     def arguments(self) -> dict[str, Any]:
         """Arguments of `tmca.reports.masks.design_spectral_depth`."""
         camera = {name: getattr(self, name) for name in ("filters", "channels", "depth", "planes", "period")}
-        own = {name: getattr(self, name) for name in ("preset", "bands", "stroke", "levels")}
-        return {**own, "camera": {name: value for name, value in camera.items() if value is not None}}
+        device = {name: getattr(self, name) for name in ("preset", "bands", "stroke", "levels")}
+        return {**device, "camera": {name: value for name, value in camera.items() if value is not None}}
 
 
 class MaskSearchSpec(Spec):
@@ -82,6 +82,6 @@ class MaskSearchSpec(Spec):
 
     def arguments(self) -> dict[str, Any]:
         """Arguments of `tmca.reports.masks.design_spectral_depth`, without the effort."""
-        own = self.model_dump(exclude={"rms_nm", "starts", "steps", "learn"})
+        search = self.model_dump(exclude={"rms_nm", "starts", "steps", "learn"})
         learn = [part for part in self.learn if part != "none"]
-        return {**own, "learn": learn, "rms": None if self.rms_nm is None else self.rms_nm * 1e-9}
+        return {**search, "learn": learn, "rms": None if self.rms_nm is None else self.rms_nm * 1e-9}

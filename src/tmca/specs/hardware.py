@@ -188,11 +188,11 @@ def _stored(name: str, value: Any) -> float | Pair:
 
 
 def _named(text: str) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    faults: dict[str, Any] = {}
     for part in text.split(","):
         name, sign, value = (word.strip() for word in part.partition("="))
-        if not (sign and name and value) or name in found:
+        if not (sign and name and value) or name in faults:
             expected = "NAME=VALUE,NAME=VALUE, such as contrast_ratio=50,delay=0.1"
             raise SettingError("hardware", repr(text), expected)
-        found[name] = value
-    return found
+        faults[name] = value
+    return faults

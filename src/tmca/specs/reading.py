@@ -76,12 +76,12 @@ class TruthReading(ViewsReading, CubeReading):
             SettingError: what scenes of this kind do not have.
         """
         kinds: dict[str, type[Spec]] = {"spectral": CubeReading, "light-field": LightFieldsReading}
-        known = kinds.get(kind)
+        model = kinds.get(kind)
         given = self.given()
         for name, value in given.items():
-            if known is None or name not in known.model_fields:
+            if model is None or name not in model.model_fields:
                 raise SettingError(name, str(value), f"none for a {kind} scene", "leave it out")
-        return given if known is None else known.model_validate(given).given()
+        return given if model is None else model.model_validate(given).given()
 
 
 class DepthReading(Spec):
@@ -113,5 +113,5 @@ class DepthReading(Spec):
             if value and self.placed is not None:
                 wanted = "one of them: --placed is for cubes, which have spectra and no depth"
                 raise SettingError(name, f"--placed {self.placed} beside it", wanted, "leave one of the two out")
-        own = {name: getattr(self, name) for name in ("reduce", "placed", "from_rgb", "materials")}
-        return {**own, "fitted": not self.metric_depth, "seed": self.scene_seed}
+        reading = {name: getattr(self, name) for name in ("reduce", "placed", "from_rgb", "materials")}
+        return {**reading, "fitted": not self.metric_depth, "seed": self.scene_seed}

@@ -16,12 +16,9 @@ from torch.optim import Optimizer
 from tmca.data import atomic_path, make_folder, write_json
 from tmca.errors import DataError
 
-_KEPT = 2
+_NEWEST = 2
+"""Checkpoints that a run has at most."""
 _TENSORS, _STATE = "state.safetensors", "state.json"
-
-
-class DamagedCheckpoint(DataError):
-    """A checkpoint that cannot be read."""
 
 
 class DamagedFile(UserWarning):
@@ -36,7 +33,7 @@ def save_checkpoint(
     Args:
         folder: of the run's checkpoints.
         step: steps done.
-        system: its whole state is kept.
+        system: camera and decoder.
         optimizers: by name.
         state: JSON values beside the tensors.
 
@@ -44,90 +41,78 @@ def save_checkpoint(
         OutputError: the disk is full, or the folder cannot be written.
     """
     make_folder(folder)
-    tensors = {f"system.{name}": value.detach().cpu().contiguous() for name, value in system.state_dict().items()}
+    tensors = {f"system.{name}": value for name, value in system.state_dict().items()}
     for name, optimizer in optimizers.items():
         tensors |= {f"optimizer.{name}.{key}": value for key, value in _flat(optimizer).items()}
     with atomic_path(folder / f"{step:07d}", overwrite=True) as temporary:
         temporary.mkdir()
-        save_file({name: value.clone() for name, value in tensors.items()}, temporary / _TENSORS)
+        copies = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
+        save_file(copies, temporary / _TENSORS)
         write_json({"step": step, **state}, temporary / _STATE)
-    for old in _checkpoints(folder)[:-_KEPT]:
+    for old in _checkpoints(folder)[:-_NEWEST]:
         shutil.rmtree(old, ignore_errors=True)
     return folder / f"{step:07d}"
 
 
 def latest_checkpoint(folder: Path) -> Path | None:
     """The newest checkpoint of a run, or None. What a killed process left half-written does not count."""
-    found = _checkpoints(folder)
-    return found[-1] if found else None
+    return next(reversed(_checkpoints(folder)), None)
 
 
 def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer]) -> dict[str, Any] | None:
-    """Bring a run to its newest checkpoint, or the one before where a power cut damaged it; None without any.
+    """Bring a run to its newest checkpoint, or the one before where a power cut damaged it.
+
+    Returns:
+        Its JSON values; None without any checkpoint.
 
     Raises:
-        DataError: none of them can be read, or they belong to a system of other sizes.
+        DataError: none of them can be read, or they belong to another camera or decoder.
+
+    Warns:
+        DamagedFile: a checkpoint that was passed over.
     """
-    found = _checkpoints(folder)
-    for place, path in enumerate(reversed(found), start=1):
+    damaged = None
+    for path in reversed(_checkpoints(folder)):
+        if damaged is not None:
+            warn(f"{damaged}; going on from the one before", DamagedFile, stacklevel=2)
         try:
-            return load_checkpoint(path, system, optimizers)
-        except DamagedCheckpoint as error:
-            if place == len(found):
-                raise
-            warn(f"{error}; going on from the one before", DamagedFile, stacklevel=2)
+            tensors, state = load_file(path / _TENSORS), json.loads((path / _STATE).read_text())
+        except (OSError, SafetensorError, json.JSONDecodeError) as error:
+            damaged = DataError(path, f"an unreadable checkpoint ({error})", "one that is whole")
+            continue
+        _restore(path, tensors, system, optimizers)
+        return dict(state)
+    if damaged is not None:
+        raise damaged
     return None
 
 
-def load_checkpoint(path: Path, system: nn.Module, optimizers: dict[str, Optimizer]) -> dict[str, Any]:
-    """Bring a system and its optimizers to the state of a checkpoint; returns its JSON values.
-
-    Raises:
-        DamagedCheckpoint: it cannot be read.
-        DataError: of a system of other sizes. The system is unchanged in both cases.
-    """
-    try:
-        tensors = load_file(path / _TENSORS)
-        state: dict[str, Any] = json.loads((path / _STATE).read_text())
-    except (OSError, SafetensorError, json.JSONDecodeError) as error:
-        raise DamagedCheckpoint(path, f"an unreadable checkpoint ({error})", "one that is whole") from error
-    own = {name.removeprefix("system."): value for name, value in tensors.items() if name.startswith("system.")}
-    _check_sizes(path, own, system.state_dict())
-    system.load_state_dict(own)
-    for name, optimizer in optimizers.items():
-        prefix = f"optimizer.{name}."
-        _restore(optimizer, {key.removeprefix(prefix): v for key, v in tensors.items() if key.startswith(prefix)})
-    return state
-
-
 def _checkpoints(folder: Path) -> list[Path]:
+    """Oldest first."""
     if not folder.is_dir():
         return []
     return sorted(path for path in folder.iterdir() if path.name.isdigit() and (path / _STATE).is_file())
 
 
-def _check_sizes(path: Path, found: dict[str, Tensor], expected: dict[str, Tensor]) -> None:
-    for name in sorted(found.keys() | expected.keys()):
-        sizes = [tuple(part[name].shape) if name in part else "nothing" for part in (found, expected)]
-        if sizes[0] != sizes[1]:
-            raise DataError(path, f"{sizes[0]} for {name}", f"{sizes[1]}", "it belongs to another camera or decoder")
-
-
 def _flat(optimizer: Optimizer) -> dict[str, Tensor]:
     """State of every parameter, by its place and name; Adam's are all tensors."""
     state = optimizer.state_dict()["state"]
-    return {
-        f"{place}.{name}": value.detach().cpu().contiguous()
-        for place, values in state.items()
-        for name, value in values.items()
-        if isinstance(value, Tensor)
-    }
+    return {f"{place}.{name}": value for place, values in state.items() for name, value in values.items()}
 
 
-def _restore(optimizer: Optimizer, tensors: dict[str, Tensor]) -> None:
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in tensors.items():
-        place, name = key.split(".", 1)
-        state.setdefault(int(place), {})[name] = value
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
+def _restore(path: Path, tensors: dict[str, Tensor], system: nn.Module, optimizers: dict[str, Optimizer]) -> None:
+    try:
+        system.load_state_dict(_under("system.", tensors))
+    except RuntimeError as error:
+        found = f"the state of another camera or decoder ({error})"
+        raise DataError(path, found, "this run's", "delete the checkpoint") from error
+    for name, optimizer in optimizers.items():
+        state: dict[int, dict[str, Tensor]] = {}
+        for key, value in _under(f"optimizer.{name}.", tensors).items():
+            place, part = key.split(".", 1)
+            state.setdefault(int(place), {})[part] = value
+        optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+
+
+def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:
+    return {name.removeprefix(prefix): value for name, value in tensors.items() if name.startswith(prefix)}

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.decoders import first_estimate
-from tmca.decoders.nets.tiles import Tile, window_of
+from tmca.decoders.nets.tiles import Tile, keeps_columns, window_of
 from tmca.design import hold_throughput, throughput_of
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
@@ -32,9 +32,11 @@ class CodedSystem(TrainingSystem):
         SettingError: see `TrainingSystem`; optics that keep the slots apart; codes that learn through a mixture.
     """
 
+    untrained = ("motion",)  # scenes move by ``data.motion``
+
     def __init__(self, *given: Any, codes: CodeSettings | None = None, **how: Any) -> None:
         super().__init__(*given, **how)
-        self.camera.taps()  # refuses optics that keep the slots apart
+        self.mixes_columns = not keeps_columns(self.optics())  # optics that keep the slots apart are refused
         self.codes = codes or CodeSettings(through_start=False)
         self.through_start = self.codes.through_start and self.camera.learnable
         if self.through_start and self.network.start == "mixture":

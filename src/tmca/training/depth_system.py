@@ -57,6 +57,7 @@ class DepthSystem(TrainingSystem):
         by_likelihood = bool(self.camera.learnable and likelihood_weight)
         if by_likelihood and self.prior is None:
             raise SettingError("prior", "none", "one for codes that learn from the likelihood")
+        self.tile_size = self.camera.tile_size
         self.windows = DepthWindows(self.prior) if by_likelihood else None
         self.margin, self.depth_weight = margin, depth_weight
         self.likelihood_weight, self.likelihood_every = likelihood_weight, likelihood_every
@@ -95,7 +96,7 @@ class DepthSystem(TrainingSystem):
     def cost(self, estimate: DepthEstimate, truth: Tensor) -> Tensor:
         """See `TrainingSystem`: of the cube, and of depth where it is known."""
         truth = self.inner(truth)
-        depth = _known_mean(lambda true: _depth_cost(estimate, true), truth[:, -1:])
+        depth = _valid_mean(lambda true: _depth_cost(estimate, true), truth[:, -1:])
         return self.loss(estimate.cube.float(), truth[:, :-1]) + self.depth_weight * depth
 
     def cost_of_codes(self, seen: Seen, truth: Tensor, step: int) -> Tensor | float:
@@ -128,7 +129,10 @@ class DepthSystem(TrainingSystem):
         camera = self.camera
         parts: dict[str, tuple[nn.Module, ...]] = {"decoder": (self.network,), "masks": (camera.point_spread,)}
         parts |= {"codes": (camera.shutter, camera.filters)}
-        return {name: [p for part in own for p in part.parameters() if p.requires_grad] for name, own in parts.items()}
+        return {
+            name: [p for part in modules for p in part.parameters() if p.requires_grad]
+            for name, modules in parts.items()
+        }
 
     def anneal(self, slope: float) -> None:
         """See `TrainingSystem`; filters are mixtures while they learn."""
@@ -148,7 +152,7 @@ class DepthSystem(TrainingSystem):
         self.camera.sensor = seen.sensor
         with torch.autocast(seen.snapshot.device.type, enabled=False):
             estimate, place = self.windows(self.camera, self.inner(seen.snapshot), self.inner(truth[:, -1:]))
-        return self.likelihood_weight * _known_mean(estimate.expected_error, place)
+        return self.likelihood_weight * _valid_mean(estimate.expected_error, place)
 
     def _metres(self, place: Tensor) -> Tensor:
         metres: Tensor = self.camera.planes.depth_of(place)
@@ -160,7 +164,7 @@ def _depth_cost(estimate: DepthEstimate, place: Tensor) -> Tensor:
     return (estimate.place() - place).abs() + SURPRISE * estimate.surprise(place)
 
 
-def _known_mean(error: Callable[[Tensor], Tensor], place: Tensor) -> Tensor:
+def _valid_mean(error: Callable[[Tensor], Tensor], place: Tensor) -> Tensor:
     """Mean of an error of places (B, 1, H, W) over where they are known."""
-    known = torch.isfinite(place)
-    return (error(place.nan_to_num()) * known).sum() / known.sum().clamp_min(1)
+    valid = torch.isfinite(place)
+    return (error(place.nan_to_num()) * valid).sum() / valid.sum().clamp_min(1)

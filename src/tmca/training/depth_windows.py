@@ -76,9 +76,9 @@ class DepthWindows:
             contamination=CONTAMINATION,
         ).covariance  # fmt: skip
         noise = camera.noise.read**2 + NOISE_FLOOR + camera.noise.shot * float(windows.detach().mean())
-        own = torch.eye(scene.shape[-1], dtype=scene.dtype, device=scene.device) * noise
-        found = [_normal(windows.flatten(0, -2), gain * scene + own) for gain in self.gains]
-        return torch.stack(found).amax(0).unflatten(0, windows.shape[:-1])
+        noise_covariance = torch.eye(scene.shape[-1], dtype=scene.dtype, device=scene.device) * noise
+        levels = [_normal(windows.flatten(0, -2), gain * scene + noise_covariance) for gain in self.gains]
+        return torch.stack(levels).amax(0).unflatten(0, windows.shape[:-1])
 
 
 def _normal(windows: Tensor, covariance: Tensor) -> Tensor:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import torch
 
 from tmca.errors import SettingError
-from tmca.training.settings import TrainSettings
+from tmca.training.settings import RunSettings
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
@@ -36,7 +36,7 @@ def choose_precision(asked: Literal["auto"] | Precision, accelerator: str = "aut
     return "bf16-mixed" if computed else "32-true"
 
 
-def start_engine(settings: TrainSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:
+def start_engine(settings: RunSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:
     """The engine of a run; arguments as of `tmca.training.run.carry_out`.
 
     Raises:

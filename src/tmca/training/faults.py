@@ -1,8 +1,8 @@
-"""Faults of the bench that a run draws anew in every step, and of which its decoder is not told."""
+"""Faults of the bench that a run draws anew in every step, and that its decoder does not know."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,12 +11,6 @@ from tmca.cameras import LIMITS, PAIRS, PARTS, Camera, Hardware, SomeCamera, def
 from tmca.errors import SettingError
 from tmca.sensor import Sensor
 
-UNTRAINED = {
-    "spectral": ("motion",),
-    "light-field": ("motion",),
-    "spectral-depth": (),
-}
-"""Faults that snapshots can have, but not those of a training: scenes move by ``data.motion``."""
 Ranges = Mapping[str, tuple[float, float]]
 
 
@@ -40,13 +34,13 @@ class DrawnFaults:
         for end in (0, 1):  # together: shares of pixels may not exceed 1
             Hardware.of({name: both[end] for name, both in self.ranges.items()})
 
-    def check(self, camera: Camera) -> None:
-        """Raises SettingError for faults that a training of this camera cannot have."""
-        refused = (*PARTS[camera.kind], *UNTRAINED[camera.kind])
+    def check(self, camera: Camera, untrained: Sequence[str] = ()) -> None:
+        """Raises SettingError for faults that this camera, or a training of it, cannot have."""
+        refused = (*PARTS[camera.kind], *untrained)
         for name in self.ranges:
             if name in refused:
-                known = ", ".join(other for other in LIMITS if other not in refused)
-                raise SettingError(f"faults.{name}", "some", f"none in a {camera.kind} run, which has {known}")
+                possible = ", ".join(other for other in LIMITS if other not in refused)
+                raise SettingError(f"faults.{name}", "some", f"none in a {camera.kind} run, which has {possible}")
             imperfect(camera, Hardware.of({name: max(self.ranges[name], key=abs)}))
 
     def bench(self, camera: SomeCamera, sensor: Sensor, seed: tuple[int, ...]) -> tuple[SomeCamera, Sensor]:
@@ -54,8 +48,8 @@ class DrawnFaults:
         if not self.ranges:
             return camera, sensor
         rng = np.random.default_rng(seed)
-        hardware, own = self.drawn(rng), int(rng.integers(2**31))
-        return imperfect(camera, hardware, own), defective(sensor, hardware, own)
+        hardware, drawn = self.drawn(rng), int(rng.integers(2**31))
+        return imperfect(camera, hardware, drawn), defective(sensor, hardware, drawn)
 
     def drawn(self, rng: np.random.Generator) -> Hardware:
         """One bench."""

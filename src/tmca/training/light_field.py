@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -11,46 +11,49 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tmca.cameras import LightFieldCamera
-from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
-from tmca.errors import SettingError
+from tmca.data.light_field_scenes import Reading, as_batch, check_asked, load_light_field
+from tmca.errors import DataError, SettingError
+from tmca.specs.base import Whole
 from tmca.training.mask_training import MaskTraining, starting_arguments
 from tmca.training.patches import CubeStore, Load, PatchSource
 from tmca.training.scenes import named_scenes
-from tmca.training.settings import DataSettings, MaskCameraSettings, MaskTrainSettings, Pixels
+from tmca.training.settings import DataSettings, MaskCameraSettings, MaskTrainSettings
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 
 class LightFieldCameraSettings(MaskCameraSettings):
     """The light-field camera of a run; names as in `LightFieldCamera`."""
 
     size: tuple[int, int] = (270, 480)
-    views: int = Field(default=5, ge=1)
+    views: Whole = 5
+    "n of n×n views."
     shear: float | tuple[float, float] = 1.0
+    "Mask pixels per view, along both axes or each."
     mask_scale: float = 1.0
+    "Mask pixels per sensor pixel, as the sensor sees them."
 
 
 class LightFieldDataSettings(DataSettings):
-    """Light fields and patches; ``DataSettings`` says what is not said here.
+    """Light fields and patches."""
 
-    Args:
-        train: light fields (folders of views, lenslet pictures, files), rendered ones such as ``coffee`` or
-            ``coffee:3`` (its seed), or split files (``.txt``) of them.
-        scale: whole number of pixels per axis that are averaged into one.
-        pattern: of the file names in folders of views that are not recognised, such as ``view_{row}_{column}.png``.
-        lens: (rows, columns) of the views under a lens of lenslet pictures; 14×14 without.
-        colour: every colour is a light field of its own; else their luminance.
-    """
-
-    scale: int = Field(default=1, ge=1)
+    train: tuple[str, ...] = ()
+    """Light fields (folders of views, lenslet pictures, files), rendered ones such as ``coffee`` or ``coffee:3`` (its
+    seed), or split files (``.txt``) of them."""
+    scale: Whole = 1
+    "Whole number of pixels per axis that are averaged into one."
     pattern: str | None = None
-    lens: tuple[Pixels, Pixels] | None = None
+    "Of the file names in folders of views that are not recognised, such as ``view_{row}_{column}.png``."
+    lens: tuple[Whole, Whole] | None = None
+    "(rows, columns) of the views under a lens of lenslet pictures; 14×14 without."
     colour: bool = False
+    "Every colour is a light field of its own; else their luminance."
     tint: Literal[0] = 0
     motion: Literal[0] = 0
     patch: int = Field(default=48, ge=4)
-    batch: int = Field(default=4, ge=1)
+    batch: Whole = 4
 
 
 class LightFieldTrainSettings(MaskTrainSettings):
@@ -68,33 +71,10 @@ class LightFieldTrainSettings(MaskTrainSettings):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 3.2: 5×5 views of 480×270, K = 8, patches of 11×11, 500 epochs, L2, 110/20/25 scenes, the sub-network of
-    # Guo 2020. Assumed, as the thesis does not say: batches of 64, Adam at 1e-3 with cosine decay, code rate 0.03,
-    # 64 patches of a scene in an epoch, slope 4 → 40, no noise, codes started at random with half of the pixels open
-    # and no target for the light, one pixel of the mask per view, a network of five blocks of 32 channels.
-    "thesis": {
-        "camera": {"size": [270, 480], "slots": 8, "learn": "both"},
-        "decoder": {"kind": "spatial-angular", "start": "dagger", "stages": 0, "width": 32, "blocks": 5, "gather": 1},
-        "data": {"patch": 11, "batch": 64, "patches_per_scene": 64, "brightness": 0.0, "shares": [110, 20, 25]},
-        "optimiser": {"epochs": 500, "loss": "l2"},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # minutes on two cores: patches of 48, measurement-consistent stages from the patch LMMSE, a tile of codes
-    "quick": {
-        "camera": {"size": [96, 96], "slots": 4, "shutter": "one-hot", "period": 16, "learn": "both"},
-        "decoder": {"kind": "spatial-angular", "start": "lmmse"},
-        "data": {"patch": 48, "batch": 4},
-        "optimiser": {"steps": 300, "loss": "log"},
-    },
-}
-
-
 class LightFieldTraining(MaskTraining):
     """Scenes are light fields (view_v, view_u, y, x), or in colour."""
 
-    kind, settings, presets = "light-field", LightFieldTrainSettings, PRESETS
+    kind, settings = "light-field", LightFieldTrainSettings
 
     def reader(self, settings: LightFieldTrainSettings) -> Load:
         """See `CameraTraining`."""
@@ -127,6 +107,31 @@ class LightFieldTraining(MaskTraining):
     def source(self, settings: Any, store: CubeStore, camera: Any) -> PatchSource:
         """See `CameraTraining`; views turn with the pixels."""
         return replace(super().source(settings, store, camera), views=camera.views)
+
+    def truth(self, path: str, camera: LightFieldCamera, colours: bool) -> xr.DataArray:
+        """See `CameraTraining`."""
+        field = load_light_field(path, views=None, colour=colours)
+        views = (field.sizes["view_v"], field.sizes["view_u"])
+        if views != camera.views:
+            found, wanted = ("×".join(map(str, n)) for n in (views, camera.views))
+            raise DataError(path, f"a truth of {found} views", f"{wanted}, those of the camera")
+        return field
+
+    def batch(self, scene: xr.DataArray, camera: LightFieldCamera) -> NDArray[np.float32]:
+        """See `CameraTraining`."""
+        return as_batch(scene).flatten(1, 2).numpy()
+
+    def figure(
+        self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: LightFieldCamera
+    ) -> Figure:
+        """See `CameraTraining`."""
+        from tmca.plots.light_field import light_field_figure
+
+        def views(batch: NDArray[np.float32]) -> NDArray[np.float32]:
+            grid = batch.reshape(len(batch), *camera.views, *batch.shape[2:])
+            return grid if len(grid) > 1 else grid[0]
+
+        return light_field_figure({name: views(batch) for name, batch in batches.items()}, views(truth))
 
 
 def training_reading(settings: LightFieldTrainSettings) -> Reading:

@@ -21,24 +21,41 @@ from tmca.errors import TmcaError
 from tmca.training.checkpoints import latest_checkpoint, load_latest, save_checkpoint
 from tmca.training.log import TrainingLog
 from tmca.training.patches import Patch
-from tmca.training.pool import CachedStarts, Pool
-from tmca.training.schedules import code_rate, decoder_rate, slope
-from tmca.training.settings import TrainSettings
+from tmca.training.pool import Pool
+from tmca.training.settings import RunSettings
 from tmca.training.system import System
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
 Progress = Callable[[int, int, str], None]
-"""Told steps done, steps in all, and what there is to say."""
+"""Takes steps done, steps in all, and a line on how it goes."""
 
 
 class TrainingError(TmcaError):
-    """A run that cannot go on; its last checkpoint is kept."""
+    """A run that cannot go on; its last checkpoint stays."""
 
 
 class Stopped(KeyboardInterrupt):
-    """The run was asked to stop (Ctrl-C, SIGTERM) and has kept a checkpoint."""
+    """The run was asked to stop (Ctrl-C, SIGTERM) and has left a checkpoint."""
+
+
+@dataclass
+class Setup:
+    """What is trained.
+
+    Args:
+        system: camera and decoder.
+        patch: (step, index) → patch.
+        save: writes the weights; called with the best validation figures whenever they are the best so far, and at the
+            end of a run that never validated.
+        pool: patches to draw from while the codes stay as they are, and their first estimates.
+    """
+
+    system: System
+    patch: Callable[[int, int], Patch]
+    save: Callable[[dict[str, Any]], None]
+    pool: Pool | None = None
 
 
 @dataclass
@@ -46,34 +63,28 @@ class Run:
     """One process' part of a run.
 
     Args:
-        system: camera and decoder.
-        patch: (step, index) → patch.
+        setup: what is trained.
         settings: of the run.
         steps: in all.
         folder: checkpoints and log.
         fabric: engine (Lightning Fabric): precision, device, processes.
-        save: called with the best validation figures whenever they are the best so far, and at the end of a run that
-            never validated.
         progress: called after every step.
-        pool: patches to draw from while the codes stay as they are, and their first estimates.
     """
 
-    system: System
-    patch: Callable[[int, int], Patch]
-    settings: TrainSettings
+    setup: Setup
+    settings: RunSettings
     steps: int
     folder: Path
     fabric: Fabric
-    save: Callable[[dict[str, Any]], None] | None = None
     progress: Progress | None = None
-    pool: tuple[Pool, CachedStarts] | None = None
     best: dict[str, Any] = field(default_factory=lambda: {"psnr": -math.inf, "score": -math.inf, "step": 0})
     losses: list[float] = field(default_factory=list)
-    said: str = ""
+    detail: str = ""
     cpu_seconds: float = 0.0
     begun: float = 0.0
 
     def __post_init__(self) -> None:
+        self.system = self.setup.system
         groups = self.system.groups()
         self.optimizers = {name: _optimizer(name, params) for name, params in groups.items() if params}
         self.log = TrainingLog(self.folder / "log.csv")
@@ -94,15 +105,15 @@ class Run:
 
         Raises:
             TrainingError: a loss or gradient that is not finite.
-            Stopped: asked to stop; a checkpoint is kept.
+            Stopped: asked to stop, after a checkpoint.
         """
         first = self.resume()
         self.log.keep_until(first)
         self._set_rates(first)
-        if self.pool and not self.system.frozen:
-            self.pool[1].delete()  # estimates of codes that this run has still to learn
-        if first == 0 and self.settings.codes.decoder is not None:
-            self._validate(0)  # a decoder that learned before may be better than all that comes
+        if self.setup.pool and not self.system.frozen:
+            self.setup.pool.delete()  # estimates of codes that this run has still to learn
+        if first == 0 and self.settings.starts_trained:
+            self._validate(0)
         wrapped, *_ = self.fabric.setup(self.system, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
@@ -115,9 +126,11 @@ class Run:
                 if done % self.settings.checkpoint_every == 0 or done == self.steps or stop:
                     self._checkpoint(done)
                 if self.progress:
-                    self.progress(done, self.steps, f"loss {loss:.3g}{self.said}")
+                    self.progress(done, self.steps, f"loss {loss:.3g}{self.detail}")
                 if stop and done < self.steps:
                     raise Stopped(f"stopped after step {done} of {self.steps}")
+        if self.setup.pool:
+            self.setup.pool.delete()
         return self.best
 
     def _step(self, wrapped: Any, step: int) -> float:
@@ -139,30 +152,27 @@ class Run:
         return float(loss.detach())
 
     def _batch(self, step: int, indexes: Sequence[int]) -> tuple[list[Patch], int, list[int], Tensor | None]:
-        """Patches, the step and indexes of their random numbers, and their first estimates if these are kept."""
+        """Patches, the step and indexes of their random numbers, and their first estimates if these are cached."""
         start, places = None, list(indexes)
-        if self.pool and self.system.frozen:
-            pool, starts = self.pool
-            step, places = pool.draw(step, places)
-            start = starts(step, places)
-        return [self.patch(step, index) for index in places], step, places, start
+        if self.setup.pool and self.system.frozen:
+            step, places = self.setup.pool.draw(step, places)
+            start = self.setup.pool.starts(step, places)
+        return [self.setup.patch(step, index) for index in places], step, places, start
 
     def _set_rates(self, step: int) -> None:
-        chosen, codes = self.settings.optimiser, self.settings.codes
-        rates = {name: code_rate(step, self.steps, peak, codes.frozen) for name, peak in chosen.code_rates().items()}
-        self.system.frozen = not any(rates.get(name) for name in self.optimizers)
-        rates["decoder"] = decoder_rate(step, self.steps, chosen.decoder_rate, chosen.warmup)
+        rates = self.settings.rates(step, self.steps)
+        self.system.frozen = not any(rates[name] for name in self.optimizers if name != "decoder")
         for name, optimizer in self.optimizers.items():
             for group in optimizer.param_groups:
                 group["lr"] = rates[name]
-        self.system.anneal(slope(step, self.steps, codes.slope, codes.frozen))
+        self.system.anneal(self.settings.slope(step, self.steps))
 
     def _check_finite(self, loss: Tensor, step: int, patches: list[Patch]) -> None:
         learned = [(n, p) for n, p in self.system.named_parameters() if p.grad is not None]
         broken = [n for n, p in learned if not (p.grad is None or p.grad.isfinite().all())]
         if bool(loss.isfinite()) and not broken:
             return
-        kept = latest_checkpoint(self.folder / "checkpoints")
+        newest = latest_checkpoint(self.folder / "checkpoints")
         lost = [n for n, p in learned if not p.isfinite().all()]
         everywhere = "every derivative" if learned and len(broken) == len(learned) else ""
         where = (lost or ([everywhere] if everywhere else broken) or ["the loss"])[0]
@@ -170,18 +180,18 @@ class Run:
             f"step {step + 1}",
             f"a loss of {float(loss.detach()):g}, not finite in {where}; batch: {'; '.join(p.origin for p in patches)}",
             "finite numbers",
-            f"look at these scenes or lower the learning rate; kept: {kept or 'no checkpoint yet'}",
+            f"look at these scenes or lower the learning rate; kept: {newest or 'no checkpoint yet'}",
         )
 
     def _validate(self, done: int) -> None:
         figures = {"loss": math.fsum(self.losses) / max(len(self.losses), 1), **self.system.figures()}
         merit = self.system.validate()
-        self.said = f", validation {merit['psnr']:.2f} dB" if merit else ""
+        self.detail = f", validation {merit['psnr']:.2f} dB" if merit else ""
         score = merit.get("score", merit.get("psnr", -math.inf))
         if score > self.best["score"] or (done == self.steps and not merit):
             self.best = {"psnr": score, **merit, "score": score, "step": done}
-            if self.save and self.fabric.is_global_zero:
-                self.save(self.best)
+            if self.fabric.is_global_zero:
+                self.setup.save(self.best)
         self.losses.clear()
         if self.fabric.is_global_zero:
             self.log.add(done, figures | merit)

@@ -13,7 +13,9 @@ from torch import Tensor
 
 from tmca.codes import pattern, read_codes
 from tmca.decoders import Network, Weights, build_network
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import DataError, SettingError
+from tmca.operators import TapOperator
 from tmca.training.camera_training import CameraTraining, NeededPrior
 from tmca.training.coded_system import CodedSystem
 from tmca.training.settings import MaskTrainSettings
@@ -41,13 +43,19 @@ class MaskTraining(CameraTraining):
 
     def validation(self, name: str, channels: NDArray[np.float32], camera: Any) -> list[Tensor]:
         """See `CameraTraining`: the middle."""
-        height, width = (min(own, length) for own, length in zip(channels.shape[1:], camera.size, strict=True))
+        height, width = (min(pair) for pair in zip(channels.shape[1:], camera.size, strict=True))
         top, left = (channels.shape[1] - height) // 2, (channels.shape[2] - width) // 2
         return [torch.from_numpy(np.array(channels[:, top : top + height, left : left + width], dtype=np.float32))]
 
-    def system(self, settings: MaskTrainSettings, *given: Any, **how: Any) -> CodedSystem:
+    def build_system(self, settings: Any, *given: Any, **how: Any) -> CodedSystem:
         """See `CameraTraining`."""
-        return CodedSystem(*given, codes=settings.codes, **how)
+        codes = settings.codes if isinstance(settings, MaskTrainSettings) else None
+        return CodedSystem(*given, codes=codes, **how)
+
+    def decode(self, network: Any, prior: Any, values: Tensor, camera: Any) -> NDArray[np.float32]:
+        """See `CameraTraining`; without negative irradiance."""
+        collapsed = CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior)
+        return collapsed(values).clamp_min(0).numpy()
 
 
 def starting_arguments(settings: MaskTrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:

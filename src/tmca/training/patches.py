@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -37,7 +37,7 @@ class Patch(NamedTuple):
 
     Args:
         scene: (L, h, w) relative irradiance, or (K, L, h, w) where it moves within the exposure.
-        truth: (L, h, w) what the decoder shall find: the scene in the middle of the exposure.
+        truth: (L, h, w) what the decoder shall estimate: the scene in the middle of the exposure.
         origin: which scene and where, for messages.
     """
 
@@ -52,7 +52,7 @@ class CubeStore:
     Args:
         scenes: names that ``load`` understands.
         load: reads the channels (L, H, W) of one.
-        folder: where the arrays are kept; they may be deleted at any time.
+        folder: of the arrays, which may be deleted at any time.
     """
 
     def __init__(self, scenes: Sequence[str], load: Channels, folder: str | Path) -> None:
@@ -73,14 +73,23 @@ class CubeStore:
     def _map(self, index: int) -> NDArray[np.float32]:
         name = self.scenes[index]
         file = self.folder / f"{Path(name).stem}-{_identity(name)}.npy"
-        if not file.exists():
-            values = np.ascontiguousarray(self.load(name), dtype=np.float32)
-            with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
-                np.save(handle, values)
-        try:
-            return np.load(file, mmap_mode="r")
-        except (OSError, ValueError) as error:
-            raise DataError(file, f"no readable array ({error})", "the kept copy of a scene", "delete it") from error
+        return cached_array(file, lambda: np.ascontiguousarray(self.load(name), dtype=np.float32))
+
+
+def cached_array(file: Path, compute: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+    """An array in a ``.npy`` file, mapped into memory; computed and written where there is none.
+
+    Raises:
+        DataError: a file that cannot be read.
+    """
+    if not file.exists():
+        values = compute()
+        with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
+            np.save(handle, values)
+    try:
+        return np.load(file, mmap_mode="r")
+    except (OSError, ValueError) as error:
+        raise DataError(file, f"no readable array ({error})", "the cached copy of one", "delete it") from error
 
 
 def _identity(name: str) -> str:
@@ -164,14 +173,14 @@ def in_other_light(
     return np.ascontiguousarray(patch * np.float32(min(gain, 1 / top) if top > 0 else 1.0))
 
 
-def moved_depth(known: NDArray[np.float32], rng: np.random.Generator, redrawn: float) -> NDArray[np.float64]:
+def moved_depth(nearness: NDArray[np.float32], rng: np.random.Generator, redrawn: float) -> NDArray[np.float64]:
     """Shares of the range (h, w), moved and squeezed within it, or drawn anew as often as ``redrawn`` says."""
     extent = rng.uniform(_LEAST_RANGE, 1)
     begin = rng.uniform(0, 1 - extent)
-    if rng.random() >= redrawn and np.isfinite(known).any():
-        return begin + extent * known.astype(np.float64)
+    if rng.random() >= redrawn and np.isfinite(nearness).any():
+        return begin + extent * nearness.astype(np.float64)
     kind = _KINDS[rng.integers(len(_KINDS))]
-    drawn = drawn_nearness((known.shape[0], known.shape[1]), rng, kind)
+    drawn = drawn_nearness((nearness.shape[0], nearness.shape[1]), rng, kind)
     return drawn if kind == "plane" else begin + extent * drawn
 
 

@@ -19,40 +19,19 @@ from tmca.priors import find_prior, learn_prior
 from tmca.sensor import Sensor
 from tmca.training.camera_training import TRAININGS, NeededPrior, scene_reader
 from tmca.training.engine import choose_precision, start_engine
-from tmca.training.folder import held, open_run
-from tmca.training.loop import Progress, Run
-from tmca.training.patches import CubeStore, Load, Patch
-from tmca.training.pool import CachedStarts, Pool
+from tmca.training.folder import WEIGHTS, locked, open_run
+from tmca.training.loop import Progress, Run, Setup
+from tmca.training.patches import CubeStore, Load
+from tmca.training.pool import Pool
 from tmca.training.scenes import RENDERED, SceneLists, scene_lists
-from tmca.training.settings import TrainSettings
-from tmca.training.system import System, TrainingSystem, starts_from_prior
+from tmca.training.settings import RunSettings, TrainSettings
+from tmca.training.system import TrainingSystem, starts_from_prior
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
-WEIGHTS, PRIOR = "weights.safetensors", "prior.nc"
-"""Files of a run's folder."""
-
-
-@dataclass
-class Prepared:
-    """What a run needs of the camera that it trains.
-
-    Args:
-        system: camera and decoder.
-        patch: (step, index) → patch.
-        save: writes the weights, given the best validation figures.
-        pool: patches whose first estimates are worth caching.
-    """
-
-    system: System
-    patch: Callable[[int, int], Patch]
-    save: Callable[[dict[str, Any]], None]
-    pool: tuple[Pool, CachedStarts] | None = None
-
-
-Prepare = Callable[[Any, Path, Load, SceneLists, "Fabric"], Prepared]
-"""From settings, folder, reader, scenes and engine to what is trained."""
+PRIOR = "prior.nc"
+"""In a run's folder."""
 
 
 @dataclass
@@ -86,60 +65,52 @@ def train(settings: TrainSettings, folder: Path, load: Load | None = None, **how
         SettingError, DataError: impossible settings or scenes.
         TrainingError: a loss that is not finite.
     """
-    trained = carry_out(prepare, settings, folder, load or scene_reader(settings), **how)
+    lists = scene_lists(settings.data, settings.seed)
+    prepare = partial(set_up, folder=folder, load=load or scene_reader(settings), lists=lists)
+    trained = carry_out(prepare, settings, folder, lists, settings.steps(len(lists.train)), **how)
     TRAININGS[settings.kind].check(settings, Weights.load(trained.weights))
     return trained
 
 
 def carry_out(
-    prepare: Prepare,
-    settings: TrainSettings,
+    prepare: Callable[[Any, Fabric], Setup],
+    settings: RunSettings,
     folder: Path,
-    load: Load,
+    lists: SceneLists,
+    steps: int,
     *,
     accelerator: str = "auto",
     processes: int = 1,
     nodes: int = 1,
     progress: Progress | None = None,
 ) -> Trained:
-    """A run of any system; arguments and errors as of `train`.
+    """A run of any system; errors as of `train`.
 
     Args:
-        prepare: sets up camera, decoder and patches.
+        prepare: sets up camera, decoder and patches, of the settings with their precision chosen and the engine.
         settings: of the run.
         folder: of the run.
-        load: of scenes.
+        lists: of its scenes.
+        steps: in all.
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
         progress: called after every step, in the first process.
     """
-    lists = scene_lists(settings.data, settings.seed)
     precision = choose_precision(settings.precision, accelerator)
     fabric = start_engine(settings, precision, accelerator, processes, nodes)
     used = settings.model_copy(update={"precision": precision})
-    with held(folder) if fabric.is_global_zero else nullcontext():
+    with locked(folder) if fabric.is_global_zero else nullcontext():
         if fabric.is_global_zero:
             open_run(folder, settings, lists)
         fabric.barrier()
         torch.manual_seed(settings.seed)
-        ready, steps = prepare(used, folder, load, lists, fabric), steps_of(settings, len(lists.train))
         shown = progress if fabric.is_global_zero else None
-        run = Run(ready.system, ready.patch, used, steps, folder, fabric, ready.save, shown, ready.pool)
-        best = run.train()
-        if ready.pool:
-            ready.pool[1].delete()
-        return Trained(folder / WEIGHTS, best, steps, run.cpu_seconds)
+        run = Run(prepare(used, fabric), used, steps, folder, fabric, shown)
+        return Trained(folder / WEIGHTS, run.train(), steps, run.cpu_seconds)
 
 
-def steps_of(settings: TrainSettings, scenes: int) -> int:
-    """Optimiser steps of a run: as given, or those of its epochs."""
-    data = settings.data
-    epoch = max(1, -(-scenes * data.patches_per_scene // data.batch))
-    return settings.optimiser.steps or settings.optimiser.epochs * epoch
-
-
-def prepare(settings: TrainSettings, folder: Path, load: Load, lists: SceneLists, fabric: Fabric) -> Prepared:
+def set_up(settings: TrainSettings, fabric: Fabric, folder: Path, load: Load, lists: SceneLists) -> Setup:
     """Camera, network, prior, scenes and patches of a run.
 
     Raises:
@@ -158,10 +129,12 @@ def prepare(settings: TrainSettings, folder: Path, load: Load, lists: SceneLists
 
     validation = [part for name in lists.validation for part in training.validation(name, channels(name), camera)]
     sensors = [Sensor(**noise.model_dump()) for noise in settings.noise]
-    system = training.built(settings, camera, network, sensors, prior, validation)
+    system = training.system(settings, camera, network, sensors, prior, validation)
     patches = training.source(settings, CubeStore(lists.train, channels, folder / "cubes"), camera)
-    pool = _pool(settings, system, patches, len(lists.train), folder / "starts")
-    return Prepared(system, patches, partial(_save, settings, system, lists, folder / WEIGHTS), pool)
+    setup = Setup(system, patches, partial(_save, settings, system, lists, folder / WEIGHTS))
+    if settings.data.pool and starts_from_prior(network):
+        setup.pool = _pool(settings, setup, settings.steps(len(lists.train)), folder / "starts")
+    return setup
 
 
 def _take_decoder(start: str, network: torch.nn.Module) -> None:
@@ -183,20 +156,15 @@ def _prior(needed: NeededPrior, camera: Any, folder: Path, load: Load, lists: Sc
     return find_prior(camera, file, needed.kind, block=needed.rendered_block)
 
 
-def _pool(
-    settings: TrainSettings, system: TrainingSystem, patches: Callable[[int, int], Patch], scenes: int, folder: Path
-) -> tuple[Pool, CachedStarts] | None:
+def _pool(settings: TrainSettings, setup: Setup, steps: int, folder: Path) -> Pool:
     """Patches whose first estimates are worth caching."""
-    data = settings.data
-    if not data.pool or not starts_from_prior(system.network):
-        return None
-    pool = Pool.of(data.pool, data.batch, len(settings.noise), settings.seed, steps_of(settings, scenes))
+    data, system = settings.data, cast(TrainingSystem, setup.system)
 
-    def compute(step: int) -> torch.Tensor:
-        places = range(pool.size)
-        return cast(torch.Tensor, system.start([patches(step, index) for index in places], step, places))
+    def compute(step: int, places: Any) -> torch.Tensor:
+        return cast(torch.Tensor, system.start([setup.patch(step, index) for index in places], step, places))
 
-    return pool, CachedStarts(folder, compute)
+    how = {"seed": settings.seed, "folder": folder, "compute": compute}
+    return Pool.of(data.pool, data.batch, len(settings.noise), steps, **how)
 
 
 def _save(settings: TrainSettings, system: TrainingSystem, lists: SceneLists, file: Path, best: dict[str, Any]) -> None:

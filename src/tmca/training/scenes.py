@@ -50,10 +50,10 @@ def scene_lists(data: DataSettings, seed: int) -> SceneLists:
     checked_names, test_names = (
         tuple(dict.fromkeys(name for name in train if place_of(name) in part)) for part in (checked, test)
     )
-    kept = tuple(name for name in prior if place_of(name) not in checked | test)
-    if prior and not kept:
+    left = tuple(name for name in prior if place_of(name) not in checked | test)
+    if prior and not left:
         raise SettingError("data.prior", "only scenes drawn for validation", "others", "pass --validation")
-    return SceneLists(tuple(name for name in train if place_of(name) in learned), checked_names, test_names, kept)
+    return SceneLists(tuple(name for name in train if place_of(name) in learned), checked_names, test_names, left)
 
 
 def _check_apart(learned: Sequence[str], checked: Sequence[str]) -> None:

@@ -2,185 +2,201 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from math import cos, pi
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
+from tmca.specs import SensorSpec, Spec, first_error
+from tmca.specs.base import Whole
 
 Share = Annotated[float, Field(ge=0)]
-Pixels = Annotated[int, Field(ge=1)]
-Steepness = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Model = TypeVar("Model", bound=BaseModel)
+Steepness = Annotated[float, Field(gt=0)]
+Model = TypeVar("Model", bound=Spec)
 
 
-class Strict(BaseModel):
-    """Unknown names are refused, values are not changed."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=())
-
-
-class CameraSettings(Strict):
-    """The camera of a run; names as in its class. ``learn`` says which codes are learned."""
+class CameraSettings(Spec):
+    """The camera of a run; names as in its class."""
 
     size: tuple[int, int] = (256, 256)
-    slots: int = Field(default=8, ge=1)
+    "(H, W) of its scenes, pixels."
+    slots: Whole = 8
+    "Time slots K within the exposure."
     exposure: Literal["equal", "per-slot"] = "equal"
+    "Whether the slots share one exposure time, or each has its own."
     seed: int = 0
+    "Of the codes."
     learn: Any = "none"
+    "Which codes are learned."
 
 
 class MaskCameraSettings(CameraSettings):
-    """A camera whose masks have pixels that are open or shut.
-
-    ``period`` tiles the codes: a tile is seen in every step, a full frame rarely.
-    """
+    """A camera whose masks have pixels that are open or shut."""
 
     aperture: str = "random"
+    "Family of the aperture codes."
     shutter: str = "random"
+    "Family of the shutter codes."
     transmittance: float = Field(default=0.5, gt=0, lt=1)
+    "Share of open aperture pixels."
     duty: float = Field(default=0.5, gt=0, lt=1)
-    period: Pixels | tuple[Pixels, Pixels] | None = None
+    "Share of open shutter pixels."
+    period: Whole | tuple[Whole, Whole] | None = None
+    "Tile of the codes, which is seen in every step; a full frame is seen rarely."
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
 
 
-class NoiseSettings(Strict):
-    """One sensor; names as in ``Sensor``."""
-
-    read_noise: float = Field(default=0.0, ge=0)
-    full_well: float | None = Field(default=None, gt=0)
-    read_noise_electrons: float = Field(default=0.0, ge=0)
-    bits: int | None = Field(default=None, ge=1, le=32)
-
-
-class LearningSettings(Strict):
-    """How the codes of any camera are learned.
-
-    Args:
-        start: ``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run, weights file or file of
-            `tmca design` whose static or multiplexed code is taken over.
-        slope: of the surrogate derivative, first and last; raised geometrically.
-        frozen: share of the run, at its end, in which the codes stay as they are and only the decoder learns.
-        decoder: a trained run or weights file whose decoder is taken over at the start.
-    """
+class LearningSettings(Spec):
+    """How the codes of any camera are learned."""
 
     start: str = "random"
+    """``"random"`` (the camera's families), ``"one-hot"`` shutter, or a trained run, weights file or file of
+    `tmca design` whose static or multiplexed code is taken over."""
     slope: tuple[Steepness, Steepness] = (4.0, 40.0)
+    "Of the surrogate derivative, first and last; raised geometrically."
     frozen: float = Field(default=0.2, ge=0, lt=1)
+    "Share of the run, at its end, in which the codes stay as they are and only the decoder learns."
     decoder: str | None = None
+    "A trained run or weights file whose decoder is taken over at the start."
 
 
 class CodeSettings(LearningSettings):
-    """How masks of pixels that are open or shut are learned; ``LearningSettings`` says what is not said here.
-
-    Args:
-        throughput: light throughput wanted, share of a white scene's light; None leaves it free.
-        hold: ``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target.
-        penalty: weight of the penalty.
-        through_start: the codes' gradient passes through the first estimate (LMMSE) as well as the network.
-    """
+    """How masks of pixels that are open or shut are learned."""
 
     throughput: float | None = Field(default=None, gt=0, lt=1)
+    "Light throughput wanted, share of a white scene's light; None leaves it free."
     hold: Literal["penalty", "hard"] = "penalty"
-    penalty: float = Field(default=10.0, ge=0)
+    """``"penalty"`` adds ``penalty · (throughput - target)²`` to the loss, ``"hard"`` keeps it at the target."""
+    penalty: Share = 10.0
+    "Weight of the penalty."
     through_start: bool = True
+    "The codes' gradient passes through the first estimate (LMMSE) as well as the network."
 
 
-class DataSettings(Strict):
-    """Scenes and patches.
-
-    Args:
-        train: cubes, rendered scenes, or split files (``.txt``) of them.
-        validation: the same; if empty, ``shares`` of ``train`` are set aside, and left out of ``prior``.
-        shares: of training, validation and test scenes where no validation scenes are given.
-        bands: nearest to even spacing from 400 to 700 nm.
-        patch: side of the square patches, pixels.
-        batch: patches per step, over all processes.
-        patches_per_scene: patches of each scene that make an epoch.
-        brightness: patches are made darker by up to this many stops, or brighter by one.
-        tint: standard deviation of a random smooth change of the spectrum, natural logarithm.
-        motion: largest motion of the scene within the exposure, pixels; needs a single disperser.
-        pool: while codes stay as they are, batches are drawn from this many patches, whose snapshots and first
-            estimates are made once; 0 makes new ones in every step.
-        prior: scenes of the prior of the first estimate; if empty, those of ``train``; ``rendered`` alone takes the
-            prior of the rendered scenes, which weights need not bring along.
-    """
+class BatchSettings(Spec):
+    """What a step learns from."""
 
     train: tuple[str, ...] = ()
+    "Cubes, rendered scenes, or split files (``.txt``) of them."
     validation: tuple[str, ...] = ()
+    "The same; if empty, ``shares`` of ``train`` are set aside, and left out of ``prior``."
+    batch: Whole = 16
+    "Patches per step, over all processes."
+
+
+class DataSettings(BatchSettings):
+    """Scenes and patches."""
+
     shares: tuple[Share, Share, Share] = (0.8, 0.1, 0.1)
-    bands: int = Field(default=12, ge=1)
+    "Of training, validation and test scenes where no validation scenes are given."
+    bands: Whole = 12
+    "Nearest to even spacing from 400 to 700 nm."
     patch: int = Field(default=64, ge=4)
-    batch: int = Field(default=16, ge=1)
-    patches_per_scene: int = Field(default=64, ge=1)
-    brightness: float = Field(default=3.0, ge=0)
-    tint: float = Field(default=0.2, ge=0)
-    motion: float = Field(default=0.0, ge=0)
+    "Side of the square patches, pixels."
+    patches_per_scene: Whole = 64
+    "Patches of each scene that make an epoch."
+    brightness: Share = 3.0
+    "Patches are made darker by up to this many stops, or brighter by one."
+    tint: Share = 0.2
+    "Standard deviation of a random smooth change of the spectrum, natural logarithm."
+    motion: Share = 0.0
+    "Largest motion of the scene within the exposure, pixels; needs a single disperser."
     pool: int = Field(default=0, ge=0)
+    """While codes stay as they are, batches are drawn from this many patches, whose snapshots and first estimates are
+    made once; 0 makes new ones in every step."""
     prior: tuple[str, ...] = ()
+    """Scenes of the prior of the first estimate; if empty, those of ``train``; ``rendered`` alone takes the prior of
+    the rendered scenes, which weights need not bring along."""
 
 
-class OptimiserSettings(Strict):
-    """Length of the run, learning rates per group, loss.
+class DecoderRate(Spec):
+    """How a decoder learns."""
 
-    Args:
-        steps: optimiser steps; None takes ``epochs``.
-        epochs: passes over ``patches_per_scene`` patches of every scene.
-        decoder_rate: learning rate of the decoder (AdamW), cosine decay.
-        code_rate: learning rate of the codes' latent values (Adam).
-        warmup: share of the run in which the decoder's rate rises.
-        clip: largest norm of the decoder's gradient; 0 for none.
-        loss: ``"l2"``, ``"l1"`` ``"charbonnier"`` or ``"log"`` (mean PSNR).
-    """
-
-    steps: int | None = Field(default=None, ge=1)
-    epochs: int = Field(default=500, ge=1)
     decoder_rate: float = Field(default=1e-3, gt=0)
-    code_rate: float = Field(default=0.03, ge=0)
+    "Learning rate of the decoder (AdamW), cosine decay."
     warmup: float = Field(default=0.05, ge=0, lt=1)
-    clip: float = Field(default=1.0, ge=0)
+    "Share of the run in which the decoder's rate rises."
+    clip: Share = 1.0
+    "Largest norm of the decoder's gradient; 0 for none."
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l2"
+    "Mean square, absolute or Charbonnier error, or its logarithm (mean PSNR)."
+
+    def decoder_rate_at(self, step: int, steps: int) -> float:
+        """A linear rise over ``warmup`` of the run, then a cosine to 1 % of the peak."""
+        rise = self.warmup * steps
+        if step < rise:
+            return self.decoder_rate * (step + 1) / (rise + 1)
+        share = (step - rise) / max(steps - rise, 1)
+        return self.decoder_rate * (0.01 + 0.99 * 0.5 * (1 + cos(pi * share)))
+
+
+class OptimiserSettings(DecoderRate):
+    """Length of the run, learning rates per group, loss."""
+
+    steps: Whole | None = None
+    "Optimiser steps; None takes ``epochs``."
+    epochs: Whole = 500
+    "Passes over ``patches_per_scene`` patches of every scene."
+    code_rate: Share = 0.03
+    "Learning rate of the codes' latent values (Adam)."
 
     def code_rates(self) -> dict[str, float]:
         """Largest learning rate of every group of codes."""
         return {"codes": self.code_rate}
 
 
-class TrainSettings(Strict):
-    """A whole run of any camera.
-
-    ``faults`` gives the least and largest value of faults of the bench (``tmca.cameras.Hardware``), which are drawn in
-    every step; a single number stands for both.
-    """
+class RunSettings(Spec):
+    """What every run has. Rates and slopes follow from the step alone, so that a resumed run goes on exactly."""
 
     kind: ClassVar[str]
     """Of the camera."""
+    data: BatchSettings = BatchSettings()
+    optimiser: DecoderRate = DecoderRate()
+    precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
+    "Of the network's layers; auto is half precision where the device computes it."
+    validate_every: Whole = 100
+    "Steps."
+    checkpoint_every: Whole = 50
+    "Steps."
+    seed: int = 0
+    "Of patches, noise, faults and the network."
+
+    @property
+    def starts_trained(self) -> bool:
+        """Whether the decoder learned before: it may then be better than all that comes."""
+        return True
+
+    def rates(self, step: int, steps: int) -> dict[str, float]:
+        """Learning rates of the decoder and of groups of codes."""
+        return {"decoder": self.optimiser.decoder_rate_at(step, steps)}
+
+    def slope(self, step: int, steps: int) -> float:
+        """Slope of the surrogate derivative of codes."""
+        return 1.0
+
+
+class TrainSettings(RunSettings):
+    """A whole run of any camera."""
+
     camera: CameraSettings = CameraSettings()
-    noise: tuple[NoiseSettings, ...] = (NoiseSettings(),)
-    decoder: dict[str, Any] = {"kind": "unrolled"}
+    noise: tuple[SensorSpec, ...] = Field(default=(SensorSpec(),), min_length=1)
+    "Sensors, one of them in turn in each step."
+    decoder: dict[str, Any] = Field(default={"kind": "unrolled"})
+    "Kind of the network, and its settings."
     codes: LearningSettings = LearningSettings()
     data: DataSettings = DataSettings()
     optimiser: OptimiserSettings = OptimiserSettings()
-    precision: Literal["auto", "32-true", "bf16-mixed"] = "auto"
-    validate_every: int = Field(default=100, ge=1)
-    checkpoint_every: int = Field(default=50, ge=1)
-    seed: int = 0
     faults: dict[str, tuple[float, float]] = Field(default={})
+    """Least and largest value of faults of the bench (``tmca.cameras.Hardware``), which are drawn in every step; a
+    single number stands for both."""
 
     @field_validator("faults", mode="before")
     @classmethod
     def _ranges(cls, value: Any) -> Any:
-        alone = isinstance(value, Mapping)
-        return {n: (v, v) if isinstance(v, int | float) else v for n, v in value.items()} if alone else value
-
-    @field_validator("noise")
-    @classmethod
-    def _some_noise(cls, value: tuple[NoiseSettings, ...]) -> tuple[NoiseSettings, ...]:
-        if not value:
-            raise ValueError("at least one sensor")
-        return value
+        named = isinstance(value, Mapping)
+        return {n: (v, v) if isinstance(v, int | float) else v for n, v in value.items()} if named else value
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
@@ -191,6 +207,27 @@ class TrainSettings(Strict):
         if self.data.patch > min(self.camera.size):
             raise ValueError(f"patches of {self.data.patch} pixels do not fit a camera of {self.camera.size}")
         return self
+
+    @property
+    def starts_trained(self) -> bool:
+        """See `RunSettings`."""
+        return self.codes.decoder is not None
+
+    def steps(self, scenes: int) -> int:
+        """Optimiser steps: as given, or those of its epochs."""
+        epoch = max(1, -(-scenes * self.data.patches_per_scene // self.data.batch))
+        return self.optimiser.steps or self.optimiser.epochs * epoch
+
+    def rates(self, step: int, steps: int) -> dict[str, float]:
+        """See `RunSettings`: those of codes are constant, then zero in the last ``frozen`` of the run."""
+        learns = step < (1 - self.codes.frozen) * steps
+        codes = {name: peak if learns else 0.0 for name, peak in self.optimiser.code_rates().items()}
+        return codes | super().rates(step, steps)
+
+    def slope(self, step: int, steps: int) -> float:
+        """See `RunSettings`: raised geometrically until the codes are frozen (annealing)."""
+        first, last = self.codes.slope
+        return first * (last / first) ** min(step / max((1 - self.codes.frozen) * steps, 1), 1.0)
 
 
 class MaskTrainSettings(TrainSettings):
@@ -206,50 +243,18 @@ class MaskTrainSettings(TrainSettings):
         return self
 
 
-def merged_settings(
-    model: type[Model],
-    presets: Mapping[str, dict[str, Any]],
-    preset: str | None = None,
-    file: str | Path | None = None,
-    changes: Mapping[str, Any] | None = None,
-) -> Model:
-    """A preset, replaced by a YAML file, replaced by single changes.
-
-    Args:
-        model: of the settings.
-        presets: by name.
-        preset: one of them; None starts from that of the file, or the defaults.
-        file: YAML with the names of the model; it may name a ``preset``.
-        changes: dotted names and values, such as ``{"optimiser.steps": 300}``.
-
-    Raises:
-        SettingError: unknown preset or name, impossible value.
-        DataError: the file cannot be read.
-    """
-    described = {} if file is None else _yaml(Path(file))
-    name = described.pop("preset", None) if preset is None else preset
-    described.pop("preset", None)
-    if name is not None and name not in presets:
-        raise SettingError("preset", repr(name), f"one of {', '.join(presets)}")
-    merged = _merge({} if name is None else presets[name], described)
-    for path, value in (changes or {}).items():
-        merged = _merge(merged, _nested(path.split("."), value))
-    return checked_settings(model, merged, str(file or name or "settings"))
-
-
 def checked_settings(model: type[Model], described: Mapping[str, Any], where: str) -> Model:
     """Raises SettingError for the first thing that is wrong, with its dotted name."""
     try:
         return model.model_validate(dict(described))
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"]) or where
-        if first["type"] == "extra_forbidden":
+        place, wrong = error.errors()[0]["loc"], first_error(error)
+        name = ".".join(map(str, place)) or where
+        if error.errors()[0]["type"] == "extra_forbidden":
             names = _names(name, model)
             raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
-        expected = first["msg"].removeprefix("Value error, ").replace(" after validation", "")
-        found = repr(first.get("input")) if first["loc"] else "settings that do not go together"
-        raise SettingError(name, found, expected) from None
+        found = wrong.found if place else "settings that do not go together"
+        raise SettingError(name, found, wrong.expected) from None
 
 
 def _names(dotted: str, model: Any) -> str:
@@ -261,22 +266,8 @@ def _names(dotted: str, model: Any) -> str:
     return f"there are {', '.join(model.model_fields)}"
 
 
-def _yaml(file: Path) -> dict[str, Any]:
-    import yaml
-
-    try:
-        described = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(file, "no such file", "a YAML description of a run") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a YAML description") from None
-    if not isinstance(described, dict):
-        raise DataError(file, f"a {type(described).__name__}", "names and values, such as `camera: {slots: 8}`")
-    return described
-
-
-def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """``base`` with ``changes``, dictionaries within merged; another kind of decoder starts from nothing."""
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings with changes, dictionaries within merged; another kind of decoder starts from nothing."""
     merged = dict(base)
     for name, value in changes.items():
         old = merged.get(name)
@@ -284,9 +275,10 @@ def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
             merged[name] = value
             continue
         fresh = name == "decoder" and value.get("kind", old.get("kind")) != old.get("kind")
-        merged[name] = value if fresh else _merge(old, value)
+        merged[name] = value if fresh else merge(old, value)
     return merged
 
 
-def _nested(path: list[str], value: Any) -> dict[str, Any]:
-    return {path[0]: value if len(path) == 1 else _nested(path[1:], value)}
+def nested(path: Sequence[str], value: Any) -> dict[str, Any]:
+    """A value under a dotted name, as dictionaries."""
+    return {path[0]: value if len(path) == 1 else nested(path[1:], value)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
@@ -14,11 +14,13 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders import Weights
 from tmca.decoders.nets.build import build_depth_network
+from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
 from tmca.errors import DataError
 from tmca.optics import check_mask
 from tmca.priors import block_of
 from tmca.priors.spectral_depth import needed_block
+from tmca.specs.base import Share, Whole
 from tmca.training.camera_training import CameraTraining, NeededPrior
 from tmca.training.depth_system import DepthSystem
 from tmca.training.depth_windows import SIDE
@@ -28,6 +30,7 @@ from tmca.training.starting_masks import starting_camera
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 _CROPS = 2
 """Crops of every validation scene along either axis."""
@@ -35,71 +38,77 @@ _CROPS = 2
 
 class SpectralDepthCameraSettings(CameraSettings):
     """The spectral-depth camera of a run; names as in `SpectralDepthCamera`, what is None as in the preset, and
-    so is the number of slots that is not given.
-
-    ``size`` is that of the patches: point spread functions and tiles fit any. ``learn`` says what is learned,
-    ``stroke`` (lowest and highest, metres) and ``levels`` what the device can show, ``bench`` replaces arguments of
-    `PhaseMaskBench`.
-    """
+    so is the number of slots that is not given."""
 
     preset: str = "quick"
+    "Camera that says what is not said here."
     size: tuple[int, int] = (64, 64)
-    slots: int = Field(default=4, ge=1)
+    "Of the patches: point spread functions and tiles fit any."
+    slots: Whole = 4
     depth: tuple[float, float] | None = None
+    "Nearest and farthest plane, metres."
     planes: int | None = Field(default=None, ge=2)
+    "Depth planes, even in inverse depth."
     mask: str | None = None
+    "Family of the phase masks."
     rms: float | None = Field(default=None, ge=0)
-    modes: int | None = Field(default=None, ge=1)
+    "Of a random mask's heights, metres."
+    modes: Whole | None = None
+    "Zernike modes of a random mask."
     stroke: tuple[float, float] | None = None
+    "Lowest and highest that the device can show, metres."
     levels: int | None = Field(default=None, ge=2)
+    "Heights that the device can show, evenly within ``stroke``."
     bench: dict[str, Any] = Field(default={})
+    "Replaces arguments of `PhaseMaskBench`."
     shutter: str | None = None
+    "Family of the shutter codes."
     filters: str | None = None
+    "Colour filters over the pixels."
     channels: str | None = None
-    period: int | None = Field(default=None, ge=1)
+    "Of the sensor."
+    period: Whole | None = None
+    "Tile of shutter and filters, pixels."
     image_formation: Literal["linear", "occlusion"] = "linear"
+    "Whether near layers hide far ones."
     learn: Literal["none"] | tuple[Literal["mask", "shutter", "filters"], ...] = "none"
+    "Which are learned: none, or some of mask, shutter and filters."
 
 
 class SpectralDepthDataSettings(DataSettings):
-    """Scenes with depth and patches; ``DataSettings`` says what is not said here.
+    """Scenes with depth and patches."""
 
-    Args:
-        train: rendered scenes, RGB-D scenes, spectral scenes with depth, cubes, or split files (``.txt``) of them.
-        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
-        placed: how cubes without depth are put at drawn depths, a kind of ``tmca.data.place_cube``.
-        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
-        redrawn: share of patches at drawn depths.
-        margin: pixels of scene around every patch, whose light falls into it; None for as many as light reaches. A
-            patch in the dark would show its depth by the blur of its rim.
-    """
-
+    train: tuple[str, ...] = ()
+    "Rendered scenes, RGB-D scenes, spectral scenes with depth, cubes, or split files (``.txt``) of them."
     from_rgb: bool = False
+    "Make up spectra of measured reflectances for RGB-D scenes."
     placed: str | None = None
+    "How cubes without depth are put at drawn depths, a kind of ``tmca.data.place_cube``."
     side: int = Field(default=256, ge=16)
-    redrawn: float = Field(default=0.5, ge=0, le=1)
+    "Scenes from files are averaged down while their shorter side keeps at least this many pixels."
+    redrawn: Share = 0.5
+    "Share of patches at drawn depths."
     margin: int | None = Field(default=None, ge=0)
+    """Pixels of scene around every patch, whose light falls into it; None for as many as light reaches. A patch in the
+    dark would show its depth by the blur of its rim."""
     motion: Literal[0] = 0
-    batch: int = Field(default=4, ge=1)
+    batch: Whole = 4
 
 
 class SpectralDepthOptimiserSettings(OptimiserSettings):
-    """Length of the run, learning rates, losses; ``OptimiserSettings`` says what is not said here.
-
-    Args:
-        mask_rate: learning rate of heights or coefficients (Adam), in units of the larger of a micrometre and the
-            highest: 0.001 moves every one by up to a nanometre in a step.
-        depth_weight: of the error of inverse depth, as a share of the range, beside the loss of the cube.
-        likelihood_weight: of the same error of the patch likelihood, while masks, shutter or filters learn: a network
-            may be long in seeing depth, and codes that learn with it alone lose it meanwhile.
-        likelihood_every: steps from one of these errors to the next, which then counts as often.
-    """
+    """Length of the run, learning rates, losses."""
 
     mask_rate: float = Field(default=0.001, ge=0)
+    """Learning rate of heights or coefficients (Adam), in units of the larger of a micrometre and the highest: 0.001
+    moves every one by up to a nanometre in a step."""
     loss: Literal["l2", "l1", "charbonnier", "log"] = "l1"
     depth_weight: float = Field(default=0.1, ge=0)
+    "Of the error of inverse depth, as a share of the range, beside the loss of the cube."
     likelihood_weight: float = Field(default=0.1, ge=0)
-    likelihood_every: int = Field(default=3, ge=1)
+    """Of the same error of the patch likelihood, while masks, shutter or filters learn: a network may be long in seeing
+    depth, and codes that learn with it alone lose it meanwhile."""
+    likelihood_every: Whole = 3
+    "Steps from one of these errors to the next, which then counts as often."
 
     def code_rates(self) -> dict[str, float]:
         """See ``OptimiserSettings``; shutter and filters have latent values, masks have heights."""
@@ -132,35 +141,10 @@ class SpectralDepthTrainSettings(TrainSettings):
         return self
 
 
-PRESETS: dict[str, dict[str, Any]] = {
-    # thesis 5.2: 25 bands, K = 4, D = 8, R = 4, patches of 256², Adam at 1e-3, everything learned end to end. Assumed,
-    # as the thesis does not say: batches of 2, 200 epochs, L1 plus 0.1 times the depth error, the plain two-headed
-    # U-Net and no other decoder to learn from, codes started at random, code rate 0.03 and mask rate 0.001, no noise;
-    # and what `SpectralDepthCamera` assumes.
-    "thesis": {
-        "camera": {"preset": "thesis", "size": [256, 256], "learn": ["mask", "shutter", "filters"]},
-        "decoder": {"kind": "two-headed", "start": "snapshot", "widths": [64, 128, 256]},
-        "data": {"patch": 256, "batch": 2, "side": 512, "brightness": 0.0, "tint": 0.0},
-        "optimiser": {"epochs": 200, "likelihood_weight": 0.0},
-        "codes": {"frozen": 0.0},
-        "precision": "32-true",
-    },
-    # a step takes under a second of one core (``benchmarks/training.py``)
-    "quick": {
-        "camera": {"preset": "quick", "size": [64, 64]},
-        "codes": {"start": "one-hot"},
-        "decoder": {"kind": "two-headed"},
-        "noise": [{"read_noise": 0.002}],
-        "data": {"patch": 64, "batch": 4, "pool": 256},
-        "optimiser": {"steps": 400},
-    },
-}
-
-
 class SpectralDepthTraining(CameraTraining):
     """Scenes are data sets of ``radiance`` (wavelength, y, x) and ``depth`` (y, x) in metres."""
 
-    kind, settings, presets = "spectral-depth", SpectralDepthTrainSettings, PRESETS
+    kind, settings = "spectral-depth", SpectralDepthTrainSettings
 
     def reader(self, settings: SpectralDepthTrainSettings) -> Load:
         """See `CameraTraining`."""
@@ -207,7 +191,7 @@ class SpectralDepthTraining(CameraTraining):
         data = settings.data
         return PatchSource(store, camera.size[0], settings.seed, data.brightness, data.tint, redrawn=data.redrawn)
 
-    def system(self, settings: Any, *given: Any, **how: Any) -> DepthSystem:
+    def build_system(self, settings: Any, *given: Any, **how: Any) -> DepthSystem:
         """See `CameraTraining`; captures have no margin."""
         weights = settings.optimiser.model_dump(include={"depth_weight", "likelihood_weight", "likelihood_every"})
         simulated = isinstance(settings, SpectralDepthTrainSettings)
@@ -222,6 +206,42 @@ class SpectralDepthTraining(CameraTraining):
         """
         if "mask" in settings.camera.learn:
             check_mask(weights.camera.point_spread)
+
+    def truth(self, path: str, camera: SpectralDepthCamera, colours: bool) -> xr.Dataset:
+        """See `CameraTraining`."""
+        from tmca.data.depth_scenes import load_spectral_depth
+
+        near, far = camera.planes.near, camera.planes.far
+        scene = load_spectral_depth(path, camera.wavelengths, near=near, far=far, fitted=False)
+        metres = scene["depth"].values
+        if not camera.planes.within(torch.from_numpy(np.array(metres))).any():
+            found = f"depths of {np.nanmin(metres):.3g} to {np.nanmax(metres):.3g} m"
+            wanted = f"some of the camera's {near:g} to {far:g} m"
+            raise DataError(path, found, wanted, "capture nearer or farther scenes")
+        return scene
+
+    def exact(self, batch: Tensor, camera: SpectralDepthCamera) -> Tensor:
+        """See `CameraTraining`."""
+        return camera.A(batch[:, :-1], camera.planes.depth_of(batch[:, -1:]))
+
+    def decode(
+        self, network: TwoHeadedUNet, prior: Any, values: Tensor, camera: SpectralDepthCamera
+    ) -> NDArray[np.float32]:
+        """See `CameraTraining`."""
+        raw = TwoHeadedNetwork(network, camera, prior)(values)
+        return np.concatenate((raw.values.numpy(), camera.planes.share_of(raw.depth).numpy()), axis=1)
+
+    def figure(
+        self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: SpectralDepthCamera
+    ) -> Figure:
+        """See `CameraTraining`."""
+        from tmca.plots.depth import before_after
+
+        def parts(batch: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+            return batch[0, :-1], camera.planes.depth_of(torch.from_numpy(batch[0, -1])).numpy()
+
+        pairs = {name: parts(batch) for name, batch in batches.items()}
+        return before_after(pairs, parts(truth), list(camera.wavelengths), (camera.planes.near, camera.planes.far))
 
 
 def depth_channels(scene: xr.Dataset, camera: SpectralDepthCamera) -> NDArray[np.float32]:

@@ -11,6 +11,7 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.sensor_tiles import check_holds
+from tmca.cameras.spectral_depth import phase_settings
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
@@ -140,15 +141,7 @@ def _alike(name: str, asked: Any, stored: dict[str, Any]) -> bool:
 
 def _of_weights(start: Path) -> dict[str, Any]:
     """What ``read_phase_codes`` says of a file, of a trained camera."""
-    camera = Weights.load(start).camera
-    heights, filters = camera.point_spread.heights, camera.filters
-    masks = {"mask": heights, "stroke": heights.stroke, "bench": camera.bench, "energy": camera.point_spread.energy}
-    depth = {"depth": (camera.planes.near, camera.planes.far), "planes": camera.planes.count}
-    sensor = {
-        "filters": filters.filters,
-        "cells": filters.cells(),
-        "period": camera.period,
-        "channels": camera.response,
-    }
-    shutter = {"shutter": camera.tile()[1].detach(), "exposure": camera.exposure}
-    return {**masks, **depth, **sensor, **shutter, "bands": camera.wavelengths}
+    weights = Weights.load(start)
+    camera = weights.camera
+    sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths}
+    return {**phase_settings(weights.variables, str(start)), **sensor, "exposure": camera.exposure}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -102,6 +102,13 @@ class TrainingSystem(System):
         SettingError: no prior for a network that needs one, or faults that the camera cannot have.
     """
 
+    untrained: ClassVar[tuple[str, ...]] = ()
+    """Faults that snapshots can have, but not those of a training."""
+    mixes_columns = False
+    """Whether the optics lay light of a scene column on other columns."""
+    tile_size = 1
+    """Pixels of the tile of codes that what a network sees must begin with."""
+
     def __init__(
         self,
         camera: Any,
@@ -119,7 +126,7 @@ class TrainingSystem(System):
             raise SettingError("prior", "none", f"one for a network that starts from {network.start}")
         self.prior, self.sensors, self.validation = prior, tuple(sensors), tuple(validation)
         self.loss, self.faults, self.seed = LOSSES[loss], faults or DrawnFaults(), seed
-        self.faults.check(camera)
+        self.faults.check(camera, self.untrained)
         self._first_estimates: dict[tuple[int, int], Tensor | None] = {}
 
     @abstractmethod

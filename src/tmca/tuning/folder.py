@@ -39,17 +39,17 @@ def find_pairs(folder: str | Path) -> list[PairFiles]:
     if not folder.is_dir():
         raise DataError(folder, "no such folder", "one of captures NAME.nc with NAME_truth.nc", "check the path")
     captures = [f for f in sorted(folder.iterdir()) if f.suffix in _SNAPSHOTS and not f.stem.endswith(_TRUTH)]
-    found = [_pair(file) for file in captures if not file.name.startswith(".")]
-    names = [pair.name for pair in found]
+    pairs = [_pair(file) for file in captures if not file.name.startswith(".")]
+    names = [pair.name for pair in pairs]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise DataError(folder, f"two captures called {twice[0]}", "one of each name", "rename one and its truth")
     if stray := sorted({name for name in map(_truth_of, folder.iterdir()) if name} - set(names)):
         wanted = f"{stray[0]}.nc beside it"
         raise DataError(folder, f"a truth {stray[0]}{_TRUTH} without a capture", wanted, "add it or move the truth")
-    if not found:
+    if not pairs:
         remedy = "tmca capture --snapshot NAME.nc and tmca scan join --out NAME_truth.nc write them"
         raise DataError(folder, "no captures", "NAME.nc, each with NAME_truth.nc", remedy)
-    return found
+    return pairs
 
 
 def _pair(capture: Path) -> PairFiles:
@@ -83,14 +83,10 @@ def held_out(names: Sequence[str], asked: Sequence[str] | None, seed: int) -> tu
     if len(names) < 2:
         found = f"{len(names)} capture"
         raise SettingError("--captures", found, "two at least, of which one is held out", "capture another scene")
-    share = None if asked and set(asked) <= set(names) else _share(asked)
-    if share is None and asked is not None:
-        unknown = [name for name in asked if name not in names]
-        if unknown:
-            raise SettingError("--validation", unknown[0], f"names of captures: {', '.join(names)}")
+    if asked and set(asked) <= set(names):
         apart = tuple(name for name in names if name in asked)
     else:
-        count = min(max(1, round((0.2 if share is None else share) * len(names))), len(names) - 1)
+        count = min(max(1, round(_share(asked, names) * len(names))), len(names) - 1)
         drawn = np.random.default_rng(seed).permutation(len(names))[:count]
         apart = tuple(names[i] for i in sorted(drawn))
     if len(apart) == len(names):
@@ -98,18 +94,20 @@ def held_out(names: Sequence[str], asked: Sequence[str] | None, seed: int) -> tu
     return tuple(name for name in names if name not in apart), apart
 
 
-def _share(asked: Sequence[str] | None) -> float | None:
-    """A share of the captures, if one was asked for.
+def _share(asked: Sequence[str] | None, names: Sequence[str]) -> float:
+    """The share of the captures that is held out.
 
     Raises:
-        SettingError: not between 0 and 1.
+        SettingError: what is neither a share nor the names of captures.
     """
-    if asked is None or len(asked) != 1:
-        return None
+    if not asked:
+        return 0.2
     try:
-        share = float(asked[0])
+        share = float(",".join(asked))
     except ValueError:
-        return None
+        share = np.nan
     if not 0 < share < 1:
-        raise SettingError("--validation", asked[0], "names of captures, or a share between 0 and 1")
+        unknown = next(name for name in asked if name not in names)
+        wanted = f"names of captures ({', '.join(names)}), or a share between 0 and 1"
+        raise SettingError("--validation", unknown, wanted)
     return share

@@ -3,44 +3,109 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from shutil import rmtree
+from typing import TYPE_CHECKING, Any
 
-from tmca.data import checksum_of
+from tmca.data import atomic_path, checksum_of
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.file import Calibration, load_calibration
-from tmca.training.captures import Pair
-from tmca.training.run import Trained
-from tmca.training.tuning import Tuning, TuningSettings, tune, tuning_settings
+from tmca.training.camera_training import TRAININGS
+from tmca.training.folder import WEIGHTS
+from tmca.training.loop import Setup
+from tmca.training.patches import Patch
+from tmca.training.run import Trained, carry_out
+from tmca.training.scenes import SceneLists
+from tmca.tuning.captures import Captures, Pair, ReadPair
 from tmca.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.tuning.pairs import read_pair
+from tmca.tuning.settings import TuningSettings, tuning_settings
+from tmca.tuning.system import TunedSystem
+
+if TYPE_CHECKING:
+    from lightning_fabric import Fabric
 
 
 @dataclass(frozen=True)
-class Prepared:
+class FineTuning:
     """A run of fine-tuning, checked and ready.
 
     Args:
-        tuning: network and camera.
+        weights: of the run before.
+        camera: that took the captures, calibrated or as the run has it.
         settings: of the run.
         pairs: by the names of the captures.
         calibration: of the camera, None without.
     """
 
-    tuning: Tuning
+    weights: Weights
+    camera: Any
     settings: TuningSettings
     pairs: Mapping[str, PairFiles]
     calibration: Calibration | None
 
     def read(self, name: str) -> Pair:
         """A capture with its truth."""
-        return read_pair(self.pairs[name], self.tuning.weights, self.calibration)[0]
+        return read_pair(self.pairs[name], self.weights, self.calibration)[0]
 
-    def run(self, folder: Path, read: Any = None, **how: Any) -> Trained:
-        """Fine-tune, or go on; arguments as of `tmca.training.tuning.tune`, ``read`` in the place of this one's."""
-        return tune(self.tuning, self.settings, folder, read or self.read, **how)
+    def run(self, folder: Path, read: ReadPair | None = None, **how: Any) -> Trained:
+        """Fine-tune, or go on with a run that was stopped; the step that is saved is never worse on the captures that
+        are held out than the decoder as it was, which is step 0.
+
+        Args:
+            folder: of the run, see `tmca.training.train`.
+            read: of a capture with its truth, by its name; `read` without.
+            how: see `tmca.training.train`.
+
+        Raises:
+            OutputError: the folder holds another run.
+            SettingError, DataError: a network that does not fit the camera, or captures that cannot be read.
+            TrainingError: a loss that is not finite.
+        """
+        data, steps = self.settings.data, self.settings.optimiser.steps
+        prepare = partial(self.set_up, folder=folder, read=read or self.read)
+        trained = carry_out(prepare, self.settings, folder, SceneLists(data.train, data.validation), steps, **how)
+        rmtree(folder / "starts", ignore_errors=True)
+        return trained
+
+    def set_up(self, settings: TuningSettings, fabric: Fabric, folder: Path, read: ReadPair) -> Setup:
+        """Network, captures and windows of a run."""
+        if fabric.is_global_zero:
+            self._copy_prior(folder)
+        fabric.barrier()
+        data, weights = settings.data, self._tuned(folder)
+        captures = Captures((*data.train, *data.validation), len(data.train), read, folder)
+        parts = (self.camera, weights.network, (self.camera.sensor,), weights.load_prior())
+        simulated = TRAININGS[self.camera.kind].system(settings, *parts)
+        system = TunedSystem(simulated, captures, data.patch, data.batch, settings.seed)
+
+        def patch(step: int, index: int) -> Patch:
+            return captures.patch(system.windows(step, index))
+
+        def save(best: dict[str, Any]) -> None:
+            card = {**weights.card, "best": best, "tuning": settings.model_dump(mode="json")}
+            replace(weights, card=card).save(folder / WEIGHTS, overwrite=True)
+
+        return Setup(system, patch, save)
+
+    def _tuned(self, folder: Path) -> Weights:
+        """A copy of the network with the camera of the captures, as weights in this folder."""
+        copied = replace(self.weights, network=deepcopy(self.weights.network), path=folder / WEIGHTS)
+        calibrated = self.calibration is not None
+        variables = Weights.of(copied.network, self.camera).variables if calibrated else copied.variables
+        return replace(copied, variables=variables)
+
+    def _copy_prior(self, folder: Path) -> None:
+        """A copy of the prior that the network starts from, beside its weights."""
+        prior, path = self.weights.prior, self.weights.path
+        if prior in ("", "rendered") or path is None or (folder / prior).exists():
+            return
+        with atomic_path(folder / prior, overwrite=True) as temporary:
+            temporary.write_bytes((path.parent / prior).read_bytes())
 
 
 def prepared(
@@ -50,7 +115,7 @@ def prepared(
     *,
     validation: Sequence[str] | None = None,
     changes: Mapping[str, Any] | None = None,
-) -> Prepared:
+) -> FineTuning:
     """Read and check everything that a run of fine-tuning needs, before anything is written.
 
     Args:
@@ -64,38 +129,29 @@ def prepared(
         DataError: weights, a calibration or captures that cannot be used, or do not belong together.
         SettingError: impossible settings.
     """
-    known = Weights.find(weights)
-    found = {pair.name: pair for pair in find_pairs(captures)}
+    before = Weights.find(weights)
+    pairs = {pair.name: pair for pair in find_pairs(captures)}
     seed = (changes or {}).get("seed", 0)
-    learned, apart = held_out(list(found), validation, seed if isinstance(seed, int) else 0)
+    learned, apart = held_out(list(pairs), validation, seed if isinstance(seed, int) else 0)
     used = load_calibration(calibration) if isinstance(calibration, str | Path) else calibration
-    settings = tuning_settings(_described(known, found, used, learned, apart), known.card, changes or {})
-    camera = _one_camera(known, found, used)
-    return Prepared(Tuning(known, camera, used is not None), settings, found, used)
+    described = _sources(before, pairs, used) | {"data": {"train": tuple(learned), "validation": tuple(apart)}}
+    settings = tuning_settings(described, before.card, changes or {})
+    return FineTuning(before, _one_camera(before, pairs, used), settings, pairs, used)
 
 
-def _described(
-    weights: Weights,
-    pairs: Mapping[str, PairFiles],
-    calibration: Calibration | None,
-    learned: Sequence[str],
-    apart: Sequence[str],
-) -> dict[str, Any]:
-    """Where everything comes from, with checksums, and which captures are learned from."""
-    assert weights.path is not None
-    path = None if calibration is None else calibration.path
+def _sources(weights: Weights, pairs: Mapping[str, PairFiles], calibration: Calibration | None) -> dict[str, Any]:
+    """Where everything comes from, with checksums."""
+
+    def source(path: Path | None) -> dict[str, str] | None:
+        return None if path is None else {"path": str(path), "sha256": checksum_of(path)}
+
     return {
-        "weights": _source(weights.path),
-        "calibration": None if path is None else _source(path),
+        "weights": source(weights.path),
+        "calibration": source(None if calibration is None else calibration.path),
         "captures": {
-            name: {"capture": _source(files.capture), "truth": _source(files.truth)} for name, files in pairs.items()
+            name: {"capture": source(files.capture), "truth": source(files.truth)} for name, files in pairs.items()
         },
-        "data": {"train": tuple(learned), "validation": tuple(apart)},
     }
-
-
-def _source(path: Path) -> dict[str, str]:
-    return {"path": str(path), "sha256": checksum_of(path)}
 
 
 def _one_camera(weights: Weights, pairs: Mapping[str, PairFiles], calibration: Calibration | None) -> Any:

@@ -54,11 +54,11 @@ def one_pattern(camera, pattern, scene):
     return found
 
 
-@pytest.mark.parametrize("size", [(8, 9), (9, 12)])
 @pytest.mark.parametrize(
-    "faults",
-    [{"delay": 0.3}, {"rolling": 0.8}, {"switching": 0.4}, {"dead_time": 0.25}, {"delay": -0.2, "rolling": 1.5}],
-)
+    ("size", "faults"),
+    [((8, 9), {"delay": 0.3}), ((9, 12), {"rolling": 0.8}), ((8, 9), {"switching": 0.4}),
+     ((9, 12), {"dead_time": 0.25}), ((8, 9), {"delay": -0.2, "rolling": 1.5})],
+)  # fmt: skip
 def test_late_frames_of_an_ordinary_camera_see_their_neighbours(tmp_path, size, faults):
     camera = spectral(size)
     found, step = captured(tmp_path, camera, "emulated-shutter", Hardware(**faults))

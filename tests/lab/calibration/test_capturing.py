@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from tests.lab.acquisition.test_capture import exported
-from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.acquisition.captures import read_tif
 from tmca.lab.acquisition.drivers import find_device
@@ -16,7 +16,9 @@ from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.capturing import capture_step, shots_of
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import steps_of
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import read_manifest
+from tmca.lab.light import Light
 
 BOTH = ("dli4120", "coded-exposure")
 
@@ -199,7 +201,6 @@ def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):
     ("light", "said"), [({"wavelength": 500e-9}, "450, 540, 650"), ({"view": (0, 0)}, "none of a spectral")]
 )
 def test_the_simulated_bench_says_what_it_can_be_lit_with(tmp_path, light, said):
-    from tmca.lab.acquisition.drivers import Light
     from tmca.lab.display.export import Export
 
     camera = spectral()
@@ -209,6 +210,12 @@ def test_the_simulated_bench_says_what_it_can_be_lit_with(tmp_path, light, said)
     bench.show(0)
     with pytest.raises(DeviceError, match=said):
         bench.capture()
+
+
+def test_points_behind_colour_filters_are_refused():
+    camera = SpectralDepthCamera.from_preset("quick", size=(20, 21), slots=1)
+    with pytest.raises(DeviceError, match="colour filters"):
+        lab_camera(camera).lit(camera, Light("point", depth=0.8))
 
 
 @pytest.mark.parametrize("asked", [{"frames": 1}, {"reflectance": 0}, {"reflectance": float("nan")}, {"pattern": 4}])

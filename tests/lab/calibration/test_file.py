@@ -14,7 +14,7 @@ from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, write_dataset
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibration.apply import bench_of, check_fits
-from tmca.lab.calibration.captures import averaged, corrected, read_captures
+from tmca.lab.calibration.captures import averaged, read_captures
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
@@ -217,9 +217,9 @@ def test_frames_are_corrected_pixel_by_pixel_and_defects_filled():
     light = np.tile(np.arange(7.0), (5, 1)) * 10
     raw = light * gain + 50
     raw[2, 3] = 9999
-    assert np.allclose(corrected(raw, known), light)
-    assert np.allclose(corrected(np.stack([raw, raw]), known)[1], light)
-    assert np.allclose(corrected(raw, Calibration.empty()), raw)
+    assert np.allclose(known.corrected(raw), light)
+    assert np.allclose(known.corrected(np.stack([raw, raw]))[1], light)
+    assert np.allclose(Calibration.empty().corrected(raw), raw)
 
 
 def test_a_later_step_of_the_sensor_does_not_make_codes_younger(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated
 from tmca.lab.calibration.captures import calibration_patterns, write_patterns
 from tmca.lab.calibration.file import Calibration, load_calibration
-from tmca.lab.calibration.fits import Told
+from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.steps import measure
 
 SIZES, SLOTS, WHITE, OFFSET = [(32, 41), (33, 40)], 3, 30000.0, 400.0
@@ -47,7 +47,9 @@ def measured(folder, size, hardware):
     timing = {f"aperture_{i}_shutter_{j}": recorded(imperfect(own, hardware), rng) for (i, j), own in pairs.items()}
     darks = {f"d_{i}": OFFSET + 5 * rng.standard_normal(size) for i in range(8)}
     found = measure("dark", Calibration.empty("bench"), pictures(folder / "dark", darks))
-    found = measure("registration", found, pictures(folder / "seen", seen), Told(folder / "shown", wavelength=WAVE))
+    found = measure(
+        "registration", found, pictures(folder / "seen", seen), StepSettings(folder / "shown", wavelength=WAVE)
+    )
     return measure("timing", found, pictures(folder / "timing", timing))
 
 
@@ -58,7 +60,9 @@ def test_a_mirrored_mask_is_told(tmp_path, mirrored):
     rng = np.random.default_rng(0)
     seen = {f"p_{i}": 400 + 9000 * one + rng.normal(0, 5, size) for i, one in enumerate(calibration_patterns(size))}
     frames = {name: np.fliplr(one) if mirrored else one for name, one in seen.items()}
-    found = measure("registration", Calibration.empty(), pictures(tmp_path / "seen", frames), Told(tmp_path / "shown"))
+    found = measure(
+        "registration", Calibration.empty(), pictures(tmp_path / "seen", frames), StepSettings(tmp_path / "shown")
+    )
     assert found.about["steps"]["registration"]["residuals"]["mirrored"] == mirrored
 
 

@@ -5,22 +5,19 @@ import pytest
 import torch
 
 from tests.lab.acquisition.test_capture import exported
-from tests.lab.calibration.test_capturing import light_field
-from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
+from tmca.cameras import Hardware, SpectralCamera, imperfect
 from tmca.codes import slot_overlap
-from tmca.errors import DataError, DeviceError
+from tmca.errors import DataError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.session import capture, joined
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
 from tmca.lab.calibration.capturing import capture_step
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import Told
-from tmca.lab.calibration.psf import MODES
+from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import measure, measure_all, steps_of
 from tmca.lab.display.manifest import exposed_whole, read_manifest
 from tmca.lab.quality import Doubtful
-from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
 
 SHUTTERS = ("coded-exposure", "emulated-shutter")
@@ -46,7 +43,7 @@ def measured(folder, export, camera, hardware, asked=None, known=None):
         how = {"hardware": hardware, "taken": 1000 * index, "whole": exposed_whole(manifest)}
         bench = find_device("simulated", camera=camera, scene=[], **how)
         capture_step(step, export, bench, folder, camera, asked, bench={"driver": "simulated"})
-    return list(measure_all(folder, Calibration.empty(), known or Told(curve="measured")))[-1][1]
+    return list(measure_all(folder, Calibration.empty(), known or StepSettings(curve="measured")))[-1][1]
 
 
 def taken(folder, export, camera, hardware=None):
@@ -74,6 +71,7 @@ EACH += [(FAULTS[-1] | LATE, SHUTTERS[0]), ({"delay": 0.2}, SHUTTERS[0])]
 """No calibration measures how late the frames of an ordinary camera are."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("faults", "shutter"), EACH, ids=lambda one: ", ".join(one) if isinstance(one, dict) else one)
 def test_a_calibrated_spectral_camera_explains_what_its_bench_captured(tmp_path, faults, shutter):
     camera, hardware = spectral(), Hardware(**faults)
@@ -86,14 +84,7 @@ def test_a_calibrated_spectral_camera_explains_what_its_bench_captured(tmp_path,
     assert as_measured < 0.4 * as_drawn
 
 
-def test_a_calibrated_light_field_camera_explains_what_its_bench_captured(tmp_path):
-    camera, hardware = light_field((32, 35), 3), Hardware(misregistration=(0.5, -0.7), shear_error=0.1)
-    export = exported(tmp_path, camera)
-    seen = taken(tmp_path / "frames", export, camera, hardware)
-    found = calibrated_snapshot(seen, measured(tmp_path / "bench", export, camera, hardware))
-    assert left(found, scene_of(camera)) < 0.03 < 0.2 * left(seen, scene_of(camera))
-
-
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_what_is_hidden_is_found(tmp_path, seed):
     rng = np.random.default_rng(seed)
@@ -114,6 +105,7 @@ def test_what_is_hidden_is_found(tmp_path, seed):
     np.testing.assert_allclose(timing.overlap(), overlap, atol=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shutter", SHUTTERS)
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
 def test_a_faultless_bench_keeps_its_units_and_its_noise(tmp_path, exposure, shutter):
@@ -127,6 +119,7 @@ def test_a_faultless_bench_keeps_its_units_and_its_noise(tmp_path, exposure, shu
     assert found.camera.noise.read == pytest.approx(seen.camera.noise.read, rel=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
 @pytest.mark.parametrize("shutter", SHUTTERS)
 def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
@@ -140,48 +133,6 @@ def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
     assert found.camera.noise.shot == pytest.approx(camera.noise.shot, rel=0.1)
 
 
-def mirror_on_a_bench(folder, hardware, **settings):
-    """A spectral-depth camera behind a mirror, its export, and the frames of all its steps."""
-    maps = ZernikeHeights(2.5e-8 * torch.randn(2, 12, generator=torch.Generator().manual_seed(1)), MODES, (64, 64))
-    camera = SpectralDepthCamera.from_preset(
-        "quick", size=(60, 65), slots=2, mask=maps, shutter="one-hot", sensor=Sensor(1e-3), **settings
-    )
-    export = exported(folder, camera, "dmp40", SHUTTERS[0])
-    depths = tuple(float(z) for z in camera.planes.metres[[0, 3, -1]])
-    asked = Asked(8, tuple(camera.wavelengths[::3]), depths)
-    for step in steps_of(camera, read_manifest(export)):
-        bench = find_device("simulated", camera=camera, scene=[], hardware=hardware)
-        capture_step(step, export, bench, folder / "bench", camera, asked)
-    return camera, export
-
-
-def test_the_wavefront_of_a_bench_is_found_and_explains_what_it_captured(tmp_path):
-    hardware = Hardware(wavefront_error=60e-9)
-    camera, export = mirror_on_a_bench(tmp_path, hardware, filters="clear")
-    known = Told(camera=tmp_path / "taken.nc")
-    found = list(measure_all(tmp_path / "bench", Calibration.empty(), known))[-1][1]
-    scene = torch.rand(1, *camera.scene_shape, generator=torch.Generator().manual_seed(3))
-    depth = torch.full((1, 1, *camera.size), float(camera.planes.metres[2]))
-    bench = find_device("simulated", camera=camera, scene=[scene, depth], hardware=hardware)
-    seen = joined(capture(export, bench, tmp_path / "frames", gain=bench.gain), export, camera)
-    with torch.no_grad():
-        drawn, own = (one.A(scene, depth) for one in (camera, calibrated_snapshot(seen, found).camera))
-    left = [float((seen.values - one).norm() / seen.values.norm()) for one in (drawn, own)]
-    assert left[0] > 0.01
-    assert left[1] < 0.2 * left[0]
-
-
-def test_points_behind_colour_filters_are_refused(tmp_path):
-    with pytest.raises(DeviceError, match="colour filters"):
-        mirror_on_a_bench(tmp_path, Hardware())
-
-
-def test_points_need_the_camera_that_they_are_of(tmp_path):
-    mirror_on_a_bench(tmp_path, Hardware(), filters="clear")
-    with pytest.raises(DataError, match="--snapshot"):
-        list(measure_all(tmp_path / "bench", Calibration.empty(), Told()))
-
-
 def test_a_timing_that_does_not_know_the_leaks_of_the_mask_is_refused(tmp_path):
     camera, hardware = spectral(), Hardware(contrast_ratio=40, leakage=0.02)
     export = exported(tmp_path, camera, "dli4120", SHUTTERS[0])
@@ -193,7 +144,7 @@ def test_a_timing_that_does_not_know_the_leaks_of_the_mask_is_refused(tmp_path):
     alone = measure("timing", found.without("registration"), tmp_path / "bench" / "timing")
     with pytest.warns(Doubtful, match="measure the timing again"):
         late = measure(
-            "registration", alone, tmp_path / "bench" / "registration", Told(tmp_path / "bench" / "patterns")
+            "registration", alone, tmp_path / "bench" / "registration", StepSettings(tmp_path / "bench" / "patterns")
         )
     with pytest.raises(DataError, match="measure the timing again"):
         calibrated_snapshot(seen, late)
@@ -205,7 +156,7 @@ def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
     for step in ("dark", "flat"):
         capture_step(step, export, bench, tmp_path / "bench", camera, Asked(2))
     with pytest.raises(DataError, match="calibrate capture white"):
-        list(measure_all(tmp_path / "bench", Calibration.empty(), Told()))
+        list(measure_all(tmp_path / "bench", Calibration.empty(), StepSettings()))
 
 
 def test_a_camera_of_one_slot_is_calibrated_behind_a_coded_exposure(tmp_path):
@@ -216,12 +167,12 @@ def test_a_camera_of_one_slot_is_calibrated_behind_a_coded_exposure(tmp_path):
 
 def test_a_folder_that_is_not_there_is_named_so(tmp_path):
     with pytest.raises(DataError, match="gone: found no such folder"):
-        next(measure_all(tmp_path / "gone", Calibration.empty(), Told()))
+        next(measure_all(tmp_path / "gone", Calibration.empty(), StepSettings()))
 
 
 def test_a_folder_without_frames_is_refused(tmp_path):
     with pytest.raises(DataError, match="no frames of any step"):
-        next(measure_all(tmp_path, Calibration.empty(), Told()))
+        next(measure_all(tmp_path, Calibration.empty(), StepSettings()))
 
 
 def test_outside_its_mask_a_device_is_dark(tmp_path):

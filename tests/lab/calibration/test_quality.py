@@ -28,7 +28,7 @@ from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.dispersion import measure_dispersion
 from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import Told
+from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf
 from tmca.lab.calibration.registration import register
 from tmca.lab.calibration.sensor import measure_dark, measure_linearity
@@ -194,6 +194,7 @@ def test_rows_and_columns_of_views_in_each_others_place_are_doubted():
     assert measure_shear(shown, [(u, v) for v, u in views], PATTERN, REGISTERED).turned() > most
 
 
+@pytest.mark.slow
 def test_every_two_views_under_each_others_names_are_refused():
     shown = displaced([(-0.9 * v, -1.1 * u) for v, u in VIEWS])
     for one, other in list(combinations(range(9), 2))[::5]:
@@ -203,6 +204,7 @@ def test_every_two_views_under_each_others_names_are_refused():
             measure_shear(shown[order], VIEWS, PATTERN, REGISTERED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [0, 2])
 def test_two_wavelengths_of_a_point_under_each_others_names_are_refused_or_doubted(depth):
     shown = points(mirror(1, 0.08e-6), seed=1)
@@ -216,4 +218,4 @@ def test_a_step_needs_those_before_it(tmp_path):
     with pytest.raises(DataError, match="found no dark, expected one, on which flat builds"):
         measure("flat", Calibration.empty(), tmp_path)
     with pytest.raises(DataError, match="found no registration, expected one, on which shear builds"):
-        measure("shear", Calibration.empty(), tmp_path, Told(tmp_path))
+        measure("shear", Calibration.empty(), tmp_path, StepSettings(tmp_path))

@@ -83,6 +83,7 @@ def test_uneven_light_does_not_move_the_mask():
     assert found.offset(truth) < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("sensor", "snr_db"), [((181, 220), 30), ((260, 195), 20)])
 def test_a_mask_on_a_small_part_of_the_sensor_is_found(sensor, snr_db):
@@ -107,7 +108,7 @@ def test_frames_of_one_value_are_refused(level):
         register(np.full((4, 40, 50), level), calibration_patterns((33, 41)))
 
 
-@pytest.mark.parametrize("snr_db", [12, 20])
+@pytest.mark.parametrize("snr_db", [pytest.param(12, marks=pytest.mark.slow), 20])
 def test_noise_alone_refuses_no_fit(snr_db):
     codes, sensor = EVEN
     patterns = calibration_patterns(codes)
@@ -122,7 +123,7 @@ def test_noise_alone_refuses_no_fit(snr_db):
             register(frames, other, start=truth)
 
 
-@pytest.mark.parametrize("snr_db", [15, 40])
+@pytest.mark.parametrize("snr_db", [pytest.param(15, marks=pytest.mark.slow), 40])
 def test_one_pattern_of_many_that_was_not_shown_is_refused(snr_db):
     codes, sensor = ODD
     patterns = calibration_patterns(codes, 8)

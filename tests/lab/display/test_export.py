@@ -291,7 +291,7 @@ def test_every_preset_is_a_device(name):
     ("text", "words"),
     [
         ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
-        ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "NAME"), ("kind: [\n", "YAML"),
+        ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "found a list"), ("kind: [\n", "YAML"),
     ],
 )  # fmt: skip
 def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):

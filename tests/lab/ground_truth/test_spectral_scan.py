@@ -412,7 +412,7 @@ def test_comparisons_that_make_no_sense_are_refused(tmp_path):
     with pytest.raises(DataError, match="spectra from 400 to 690 nm, expected 400 to 700 nm"):
         compare_spectra(known, references, {"A": (5, 6)})
     known = known[:29]
-    for points, box, said in (({}, 5, "none"), ({"B": (5, 6)}, 5, "found B"), ({"A": (5, 6)}, 4, "an odd number")):
+    for points, box, said in (({}, 5, "none"), ({"B": (5, 6)}, 5, "found 'B'"), ({"A": (5, 6)}, 4, "an odd number")):
         with pytest.raises(SettingError, match=said):
             compare_spectra(known, references, points, box=box)
     with pytest.raises(DataError, match="a box inside 12×15 pixels"):

@@ -5,10 +5,11 @@ import pytest
 import torch
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cli.lab.real import frames_of
+from tmca.decoders import decode
 from tmca.decoders.kriging import shutter_samples
 from tmca.decoders.space_time import frame_operator
 from tmca.errors import SettingError
-from tmca.lab.movies import decode_movie, frame_dataset
 from tmca.sensor import Sensor
 
 
@@ -50,10 +51,9 @@ def test_the_gram_matrix_is_solved_in_closed_form():
 def test_the_kriged_frames_of_an_even_scene_are_even(exposure):
     own = camera(16, (20, 21), shutter=one_hot(16, (20, 21)), exposure=exposure)
     snapshot = Snapshot(own.A(torch.full((1, 1, 20, 21), 0.4)), own)
-    found = decode_movie(snapshot, 4, "kriging")
-    torch.testing.assert_close(found.frames, torch.full((4, 1, 20, 21), 0.4))
-    torch.testing.assert_close(found.std, torch.zeros(4, 1, 20, 21), atol=1e-5, rtol=0)
-    assert found.slots == 4
+    found = decode(snapshot, "kriging", frames=4)
+    torch.testing.assert_close(found.values, torch.full((1, 4, 1, 20, 21), 0.4))
+    torch.testing.assert_close(found.deviation, torch.zeros(1, 4, 1, 20, 21), atol=1e-5, rtol=0)
 
 
 def test_a_pixel_is_a_sample_at_the_middle_of_its_slots():
@@ -67,7 +67,7 @@ def test_a_pixel_is_a_sample_at_the_middle_of_its_slots():
     assert set(found.points[:, 1].long().tolist()) == {0, 1, 2, 3}
     torch.testing.assert_close(found.values, torch.full((12,), 0.7, dtype=torch.float64))
     with pytest.raises(SettingError, match="within one frame"):
-        decode_movie(snapshot, 2, "kriging")
+        decode(snapshot, "kriging", frames=2)
 
 
 @pytest.mark.parametrize(("method", "share"), [("kriging", 0.35), ("space-time-dct", 0.3)])
@@ -79,13 +79,13 @@ def test_a_bar_that_moves_is_followed(method, share):
     shutter = one_hot(slots, size)
     own = camera(slots, size, shutter=shutter, exposure="per-slot")
     values = (shutter * torch.from_numpy(movie)).sum(0)[None, None]
-    found = decode_movie(Snapshot(values, own), 8, method)
+    found = decode(Snapshot(values, own), method, frames=8)
     truth = movie.reshape(8, 4, *size).mean(1)
-    error = np.sqrt(np.mean((found.frames[:, 0].numpy() - truth) ** 2))
+    error = np.sqrt(np.mean((found.values[0, :, 0].numpy() - truth) ** 2))
     still = np.sqrt(np.mean((truth.mean(0) - truth) ** 2))
     assert error < share * still
-    if found.std is not None:
-        assert error / np.sqrt(np.mean(found.std.numpy() ** 2)) == pytest.approx(1, abs=0.4)
+    if found.deviation is not None:
+        assert error / np.sqrt(np.mean(found.deviation.numpy() ** 2)) == pytest.approx(1, abs=0.4)
 
 
 def test_the_noise_of_a_sample_is_in_its_standard_deviation():
@@ -95,10 +95,10 @@ def test_the_noise_of_a_sample_is_in_its_standard_deviation():
     own = camera(slots, size, shutter=shutter, exposure="per-slot", sensor=Sensor(read_noise=noise))
     rows = torch.linspace(0, 9, 48)[:, None]
     scene = (0.5 + 0.3 * torch.sin(rows) * torch.cos(torch.linspace(0, 7, 49))).expand(1, 1, *size)
-    found = decode_movie(Snapshot(own(scene, generator=3), own), 4, "kriging")
+    found = decode(Snapshot(own(scene, generator=3), own), "kriging", frames=4)
     open_then = shutter.unflatten(0, (4, 4)).sum(1).bool()
-    error = (found.frames[:, 0] - scene[0])[open_then]
-    z = error / found.std[:, 0][open_then]
+    error = (found.values[0, :, 0] - scene[0])[open_then]
+    z = error / found.deviation[0, :, 0][open_then]
     assert float(z.square().mean().sqrt()) == pytest.approx(1, abs=0.25)
     assert float(error.std()) < 1.02 * noise
 
@@ -108,14 +108,14 @@ def test_other_cameras_have_no_pixel_shutter_alone(other):
     thick = other == "spectral depth"
     own = SpectralDepthCamera.from_preset("quick", slots=1) if thick else LightFieldCamera(3, (8, 9), 1)
     snapshot = Snapshot(torch.zeros(1, *own.snapshot_shape), own)
-    with pytest.raises(SettingError, match="expected one of a spectral camera"):
-        decode_movie(snapshot, 1)
+    with pytest.raises(SettingError, match="decoder: found 'kriging'"):
+        decode(snapshot, "kriging", frames=1)
 
 
 def test_frames_carry_their_slots():
     own = camera(8, (5, 6), shutter=one_hot(8, (5, 6)), exposure="per-slot")
     snapshot = Snapshot(torch.rand(1, 1, 5, 6), own, {"scene": "x"})
-    found = frame_dataset(decode_movie(snapshot, 2, "kriging", lifetime=4.0), snapshot)
+    found = frames_of(decode(snapshot, "kriging", frames=2, lifetime=4.0))
     assert found["frames"].dims == found["frames_std"].dims == ("frame", "wavelength", "y", "x")
     assert found.attrs["scene_lifetime"] == 4
     np.testing.assert_array_equal(found["first_slot"], [0, 4])
@@ -123,7 +123,7 @@ def test_frames_carry_their_slots():
 
 
 def test_what_cannot_be_framed_is_refused():
-    with pytest.raises(SettingError, match="--frames: found 3, expected a divisor of the 8 slots"):
+    with pytest.raises(SettingError, match="frames: found 3, expected a divisor of the 8 slots"):
         frame_operator(camera(), 3)
     moving = SpectralCamera(bands=1, size=(4, 4), slots=4, dispersion=0.0)
     with pytest.raises(
@@ -134,6 +134,4 @@ def test_what_cannot_be_framed_is_refused():
         frame_operator(camera(bands=2, dispersion=0.5), 2)
     snapshot = Snapshot(torch.rand(1, 1, 7, 6), camera())
     with pytest.raises(SettingError, match="opens every pixel within one frame"):
-        decode_movie(snapshot, 2, "kriging")
-    with pytest.raises(SettingError, match="space-time-dct, kriging"):
-        decode_movie(snapshot, 2, "magic")
+        decode(snapshot, "kriging", frames=2)

@@ -8,11 +8,11 @@ import yaml
 from studies.real.movies import moving_part
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
+from tmca.decoders import decode
 from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
 from tmca.lab.importing import import_capture, without_pixels
 from tmca.lab.merit import prediction_error, withheld
-from tmca.lab.movies import decode_movie
 from tmca.lab.prototype import load_prototype
 
 
@@ -88,7 +88,7 @@ def test_withholding_saturated_wine_hardly_helps_the_pixels_that_are_not(real_da
     assert taken.notes["saturated_share"] == pytest.approx(share, abs=5e-4)
     operator, (blind, hidden), moving = frame_operator(taken.camera, 16), withheld(taken), moving_part(taken)
     for shown, wanted in ((blind, kept), (without_pixels(blind, bad), gone)):
-        guessed = decode_movie(shown, 16, "kriging").frames[None]
+        guessed = decode(shown, "kriging", frames=16).values
         found = [prediction_error(operator, guessed, taken.values, hidden & ~bad & part)
                  for part in (torch.ones_like(bad), moving)]  # fmt: skip
         assert found == pytest.approx(wanted, abs=4e-4)

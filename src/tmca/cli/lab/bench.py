@@ -46,8 +46,8 @@ class AskedBench:
                 expected = "none: the simulated bench has options of its own"
                 raise SettingError("--set", self.settings[0], expected)
             return
-        own = {"scene": self.scene, "bits": self.bits, "seed": self.seed, "stops_after": self.stops_after}
-        for name, value in (own | {"hardware": self.hardware.described() or None}).items():
+        simulated = {"scene": self.scene, "bits": self.bits, "seed": self.seed, "stops_after": self.stops_after}
+        for name, value in (simulated | {"hardware": self.hardware.described() or None}).items():
             if value is not None:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
@@ -88,13 +88,13 @@ def _driver_settings(texts: list[str]) -> dict[str, str]:
     Raises:
         SettingError: a text of another form, or a name twice.
     """
-    found: dict[str, str] = {}
+    settings: dict[str, str] = {}
     for text in texts:
         name, sign, value = text.partition("=")
-        if not (sign and name.strip()) or name.strip() in found:
+        if not (sign and name.strip()) or name.strip() in settings:
             raise SettingError("--set", repr(text), "NAME=VALUE, every name once")
-        found[name.strip()] = value.strip()
-    return found
+        settings[name.strip()] = value.strip()
+    return settings
 
 
 def known_camera(export: Path, like: Path | None) -> Any:

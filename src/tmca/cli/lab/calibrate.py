@@ -137,9 +137,9 @@ def proof(
     check_figure(figure, overwrite)
     check_targets([] if out is None else [out], overwrite)
     proofs = study_module("calibration_proof")
-    found = proofs.prove(seeds, parsed_size(size) or (64, 80), snr)
+    results = proofs.prove(seeds, parsed_size(size) or (64, 80), snr)
     if out is not None:
-        write_json(found.stated(), out, overwrite=overwrite)
+        write_json(results.stated(), out, overwrite=overwrite)
     if figure is not None:
-        save_figure(proofs.reconstructions_figure(found), figure, overwrite=overwrite)
-    said_proof(found.stated(), json)
+        save_figure(proofs.reconstructions_figure(results), figure, overwrite=overwrite)
+    said_proof(results.stated(), json)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -81,22 +81,22 @@ def capture(
     waves = _wavelengths(wavelength, taken.camera, device)
     wanted = Asked(frames, waves, _depths(depth, taken.camera, device), pattern, count, reflectance)
     manifest = read_manifest(export)
-    known, whole = steps_of(taken.camera, manifest), exposed_whole(manifest)
-    for one in _all(known, device, taken.camera, whole) if step == "all" else (step,):
-        first = _APART * (1 + known.index(one)) if one in known else 0
+    steps, whole = steps_of(taken.camera, manifest), exposed_whole(manifest)
+    for one in _all(steps, device, taken.camera, whole) if step == "all" else (step,):
+        first = _APART * (1 + steps.index(one)) if one in steps else 0
         bench = asked.bench(taken, first, whole)
         _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 
 
-def _all(known: tuple[str, ...], device: str, camera: Any, whole: bool) -> list[str]:
+def _all(steps: tuple[str, ...], device: str, camera: Any, whole: bool) -> list[str]:
     """All steps; a simulated sensor without shot noise has no electrons to count, and one slot no timing."""
     silent = device == "simulated" and camera.sensor.full_well is None
     if silent:
         print("linearity: left out, the simulated sensor has no shot noise (tmca simulate … --full-well)")
-    if camera.slots == 1 and whole and "registration" in known:
+    if camera.slots == 1 and whole and "registration" in steps:
         print("timing: left out, one slot alone has none")
-    return [one for one in known if not (silent and one == "linearity")]
+    return [one for one in steps if not (silent and one == "linearity")]
 
 
 def measured(
@@ -123,65 +123,63 @@ def measured(
         snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
     """
     from tmca.data import nm_to_metres
-    from tmca.lab.calibration.fits import Told
+    from tmca.lab.calibration.fits import StepSettings
     from tmca.lab.calibration.steps import measure_all
 
     waves = _parsed(f"{wavelength:g}") if wavelength is not None else ()
     metres = float(nm_to_metres(waves[0])) if waves else None
-    told = Told(
+    given = StepSettings(
         reflectance=reflectance, wavelength=metres, scale=scale, power=power, curve=curve, camera=snapshot,
         saturation=how.saturation,
     )  # fmt: skip
-    for step, found in measure_all(folder, started(how), told):
-        finished(found, step, how)
+    for step, calibration in measure_all(folder, started(how), given):
+        finished(calibration, step, how)
 
 
 def _wavelengths(text: str | None, camera: Any, device: str) -> tuple[float, ...]:
-    """Metres; of a simulated bench without a choice every band, the middle one first."""
+    """Metres; of a simulated bench without a choice those of its camera."""
     from tmca.data import nm_to_metres
+    from tmca.lab.cameras import lab_camera
 
     if text is None:
-        bands = list(getattr(camera, "wavelengths", ())) if device == "simulated" else []
-        if hasattr(camera, "planes"):
-            bands = bands[:: max(1, len(bands) // 2)]
-        return tuple(sorted(bands, key=lambda one: abs(one - sorted(bands)[len(bands) // 2])))
+        return tuple(lab_camera(camera).wavelengths(camera)) if device == "simulated" else ()
     return tuple(float(nm_to_metres(one)) for one in _parsed(text))
 
 
 def _depths(text: str | None, camera: Any, device: str) -> tuple[float, ...]:
-    """Metres; of a simulated spectral-depth camera without a choice its farthest, middle and nearest plane."""
+    """Metres; of a simulated bench without a choice those of its camera."""
+    from tmca.lab.cameras import lab_camera
+
     if text is None:
-        planes = [float(one) for one in camera.planes.metres] if hasattr(camera, "planes") else []
-        known = [one for one in planes if isfinite(one)] if device == "simulated" else []
-        return tuple(dict.fromkeys(known[k] for k in (0, len(known) // 2, -1))) if known else ()
+        return tuple(lab_camera(camera).depths(camera)) if device == "simulated" else ()
     try:
-        found = [float(part) for part in text.split(",")]
+        metres = [float(part) for part in text.split(",")]
     except ValueError:
-        found = [0.0]
-    if not all(0 < one < inf for one in found):
+        metres = [0.0]
+    if not all(0 < one < inf for one in metres):
         raise SettingError("--depth", repr(text), "metres above 0, METRES,METRES")
-    return tuple(found)
+    return tuple(metres)
 
 
 def _parsed(text: str) -> list[float]:
     """Nanometres of NM,NM,…"""
     try:
-        found = [float(part) for part in text.split(",")]
+        nanometres = [float(part) for part in text.split(",")]
     except ValueError:
-        found = [0.0]
-    if not all(100 <= one <= 20000 for one in found):
+        nanometres = [0.0]
+    if not all(100 <= one <= 20000 for one in nanometres):
         raise SettingError("--wavelength", repr(text), "nanometres of light, 100 to 20000, NM or NM,NM")
-    return found
+    return nanometres
 
 
 def _captured(step: str, export: Path, bench: Any, out: Path, camera: Any, wanted: Asked, asked: AskedBench) -> None:
     from tmca.cli.progress import progress_bar
     from tmca.lab.calibration.capturing import capture_step
 
-    with progress_bar(f"capture: {step}") as told:
+    with progress_bar(f"capture: {step}") as report:
         capture_step(
             step, export, bench, out, camera, wanted, bench=asked.said(), timeout=asked.timeout,
-            progress=lambda done, total, name: told(done / total, name),
+            progress=lambda done, total, name: report(done / total, name),
         )  # fmt: skip
 
 
@@ -196,10 +194,10 @@ def _next(step: str, out: Path, asked: Asked) -> str:
         slot = step.removeprefix("psf")
         return f"{place}: measure it with tmca calibrate psf {place} --slot {slot} --snapshot CAMERA.nc --onto NAME"
     wave = f" --wavelength {metres_to_nm(asked.wavelengths[0]):g}" if asked.wavelengths else ""
-    own = {
+    options = {
         "flat": f" --white {out / 'white'} --reflectance {asked.reflectance:g}",
         "registration": f" {shown}{wave}",
         "dispersion": f" {shown} --pattern {asked.pattern}",
         "shear": f" {shown} --pattern {asked.pattern}",
     }.get(step, "")
-    return f"{place}: measure it with tmca calibrate {step} {place}{own} --onto NAME"
+    return f"{place}: measure it with tmca calibrate {step} {place}{options} --onto NAME"

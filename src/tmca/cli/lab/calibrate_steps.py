@@ -12,11 +12,11 @@ from tmca.errors import SettingError
 _USUAL = CalibrationOptions()
 
 
-def _measured(step: str, captures: Path, how: CalibrationOptions, part: str = "", **told: Any) -> None:
-    from tmca.lab.calibration.fits import Told
+def _measured(step: str, captures: Path, how: CalibrationOptions, part: str = "", **given: Any) -> None:
+    from tmca.lab.calibration.fits import StepSettings
     from tmca.lab.calibration.steps import measure
 
-    asked = Told(saturation=how.saturation, **told)
+    asked = StepSettings(saturation=how.saturation, **given)
     finished(measure(step, started(how), captures, asked), part or step, how)
 
 

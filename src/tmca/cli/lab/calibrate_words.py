@@ -85,12 +85,12 @@ def started(how: CalibrationOptions) -> Calibration:
     check_target(how.prefix.with_name(f"{how.prefix.name}_date.nc"), overwrite=True)
     if how.onto is None:
         return Calibration.empty(how.camera or how.prefix.name)
-    found = load_calibration(how.onto)
-    own = found.about["camera"]["name"]
-    if how.camera is not None and how.camera != own:
+    calibration = load_calibration(how.onto)
+    name = calibration.about["camera"]["name"]
+    if how.camera is not None and how.camera != name:
         remedy = "build on a calibration of this camera, or start a new one without --onto"
-        raise DataError(found.where, f"a calibration of camera {own}", f"one of {how.camera}", remedy)
-    return found
+        raise DataError(calibration.where, f"a calibration of camera {name}", f"one of {how.camera}", remedy)
+    return calibration
 
 
 def finished(calibration: Calibration, part: str, how: CalibrationOptions) -> None:
@@ -136,17 +136,17 @@ def said_all(calibration: Calibration, json: bool) -> None:
         _said(step["residuals"])
 
 
-def said_proof(found: Mapping[str, Any], json: bool) -> None:
+def said_proof(results: Mapping[str, Any], json: bool) -> None:
     """A line per quantity with its bound, then the reconstructions."""
     if json:
-        print(json_module.dumps(plain_numbers(found), indent=1))
+        print(json_module.dumps(plain_numbers(results), indent=1))
         return
-    print(f"{'worst of ' + str(found['seeds']) + ' benches':<44} {'error':>10} {'bound':>8}")
-    for row in found["errors"]:
+    print(f"{'worst of ' + str(results['seeds']) + ' benches':<44} {'error':>10} {'bound':>8}")
+    for row in results["errors"]:
         bound = "" if row["bound"] is None else f"{row['bound']:g}"
         mark = "" if row["bound"] is None or row["error"] <= row["bound"] else "  missed"
         print(f"{row['quantity'] + ' (' + row['unit'] + ')':<44} {row['error']:>10.4g} {bound:>8}{mark}")
     print(f"\n{'camera':<16}{'operator':<30} {'PSNR (dB)':>10} {'snapshot explained (dB)':>25}")
-    for row in found["reconstruction"]:
+    for row in results["reconstruction"]:
         psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f}"
         print(f"{row['camera']:<16}{row['operator']:<30} {psnr:>10} {row['explained']:>25.1f}")

@@ -82,31 +82,32 @@ def capture(
     bench = asked.bench(taken, len(captured_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
     how = {"gain": None, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
     _captured(export, bench, out, how)
-    found = joined(out, export, taken.camera)
+    captured = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
-    found.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.described()} if faults.faults() else {})
-    found.save(target, overwrite=overwrite)
-    _say(target, out, found, json)
+    captured.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.described()} if faults.faults() else {})
+    captured.save(target, overwrite=overwrite)
+    _say(target, out, captured, json)
 
 
 def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
     from tmca.lab.acquisition.session import capture as run
 
-    with progress_bar(f"capture: {out.name}") as told:
-        run(export, bench, out, **how, progress=lambda done, total, name: told(done / total, name))
+    with progress_bar(f"capture: {out.name}") as report:
+        run(export, bench, out, **how, progress=lambda done, total, name: report(done / total, name))
 
 
-def _say(target: Path, out: Path, found: Any, as_json: bool) -> None:
+def _say(target: Path, out: Path, captured: Any, as_json: bool) -> None:
     from tmca.lab.acquisition.captures import said_sources
     from tmca.lab.notes import SATURATED
 
-    shape = [int(n) for n in found.values.shape[-2:]]
+    shape = [int(n) for n in captured.values.shape[-2:]]
     if as_json:
-        print(json.dumps({"snapshot": str(target), "frames": str(out), "size": shape, "notes": found.notes}, indent=1))
+        about = {"snapshot": str(target), "frames": str(out), "size": shape, "notes": captured.notes}
+        print(json.dumps(about, indent=1))
         return
-    print(f"{target}: {shape[0]}×{shape[1]} pixels of {found.notes['device']}, frames in {out}")
+    print(f"{target}: {shape[0]}×{shape[1]} pixels of {captured.notes['device']}, frames in {out}")
     if taken_from := said_sources(out):
         print(f"frames were taken from: {taken_from}")
-    if share := found.notes[SATURATED]:
+    if share := captured.notes[SATURATED]:
         print(f"{share:.2%} of the pixels are saturated, and what they say is wrong; expose for less time")
     print(f"reconstruct it with: tmca reconstruct {target}")

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from cyclopts import App
 
 from tmca.cli.options.numbers import size
 from tmca.cli.options.output import check_targets
+
+if TYPE_CHECKING:
+    from tmca.lab.deploy import DecoderFile
 
 app = App(name="decoder", help="Trained decoders as files that need no tmca: torch.export and ONNX.")
 
@@ -40,8 +43,8 @@ def export(
     from tmca.lab.deploy import export_decoder
 
     names = tuple(name.strip() for name in formats.split(",") if name.strip())
-    found = export_decoder(run, out, names, size=size(frame, "--frame"), noise=noise, overwrite=overwrite)
-    _say(found, json)
+    files = export_decoder(run, out, names, size=size(frame, "--frame"), noise=noise, overwrite=overwrite)
+    _say(out, files, json)
 
 
 @app.command
@@ -55,7 +58,7 @@ def check(folder: Path, /, *, run: Path, json: bool = False) -> None:
     """
     from tmca.lab.deploy import check_decoder
 
-    _say(check_decoder(folder, run), json)
+    _say(folder, check_decoder(folder, run), json)
 
 
 @app.command
@@ -69,17 +72,16 @@ def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", ov
         format: torch or onnx.
         overwrite: replace the file if it exists.
     """
-    from tmca.data import write_dataset
     from tmca.lab.deploy import decode_exported
 
     check_targets([out], overwrite, snapshot)
-    cube, seconds = decode_exported(folder, snapshot, format)
-    write_dataset(cube, out, overwrite=overwrite)
-    print(f"{out}: {format}, {seconds:.2f} s")
+    estimate = decode_exported(folder, snapshot, format)
+    estimate.save(out, overwrite=overwrite)
+    print(f"{out}: {format}, {estimate.seconds:.2f} s")
 
 
-def _say(found: list[Any], json: bool) -> None:
-    rows = [{"format": one.format, "file": str(one.path), "error": one.error} for one in found]
+def _say(folder: Path, files: list[DecoderFile], json: bool) -> None:
+    rows = [{"format": one.format, "file": str(folder / one.file), "error": one.error} for one in files]
     if json:
         print(json_module.dumps(rows, indent=1))
         return

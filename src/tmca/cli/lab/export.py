@@ -59,13 +59,13 @@ def export(
     from tmca.lab.display.codes import read_planes
     from tmca.lab.display.export import export_codes
 
-    own: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
-    own |= {"lut": None if lut is None else str(lut.absolute())}
+    changes: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
+    changes |= {"lut": None if lut is None else str(lut.absolute())}
     moved = size(offset, "--offset") or (0, 0)
-    devices = [_described(name, own) for name in device]
+    devices = [_described(name, changes) for name in device]
     affine = None
     if calibration is not None:
-        _refuse_beside(own, offset)
+        _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
         affine = _registered(source, calibration, devices)
     manifest = export_codes(
         read_planes(source), devices, out, exposure=exposure, affine=affine,
@@ -80,13 +80,11 @@ def export(
     _say(manifest, out, json)
 
 
-def _refuse_beside(own: dict[str, Any], offset: str | None) -> None:
-    beside = {"--macro-pixel": own["macro_pixel"], "--mounting-angle": own["mounting_angle_deg"], "--offset": offset}
-    for name, value in beside.items():
+def _refuse_beside_a_calibration(**options: Any) -> None:
+    for name, value in options.items():
         if value is not None:
-            raise SettingError(
-                name, f"{value} beside --calibration", "one of them: a registration says where codes lie"
-            )
+            expected = "one of them: a registration says where codes lie"
+            raise SettingError(f"--{name.replace('_', '-')}", f"{value} beside --calibration", expected)
 
 
 def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:

@@ -45,8 +45,8 @@ def import_(
     from tmca.lab.prototype import load_prototype
 
     check_targets([out], overwrite, capture)
-    known = load_prototype(prototype)
-    taken = import_capture(capture, known, mask, name=name, noise=noise, withhold_saturated=withhold_saturated)
+    described = load_prototype(prototype)
+    taken = import_capture(capture, described, mask, name=name, noise=noise, withhold_saturated=withhold_saturated)
     taken.save(out, overwrite=overwrite)
     camera, notes = taken.camera, taken.notes
     about = {

@@ -5,13 +5,18 @@ from __future__ import annotations
 import json as json_module
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import check_figure, check_targets, warned
 from tmca.cli.progress import progress_bar
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.decoders import Estimate
 
 app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
 
@@ -42,15 +47,16 @@ def register(
     from tmca.lab.prototype import SingleDisperser, load_prototype
     from tmca.lab.registering import register_mask
 
-    found = load_prototype(prototype)
-    if not isinstance(found, SingleDisperser):
-        _shutter_place(captures, found, name, shift, json)
+    described = load_prototype(prototype)
+    if not isinstance(described, SingleDisperser):
+        _shutter_place(captures, described, name, shift, json)
         return
     if mask is None:
         raise SettingError("--mask", "none", "the file of the mask")
-    offsets = [round(found.pixels_per_band * band) for band in range(len(found.wavelengths_nm))]
-    values = [read_plane(file, found.capture_key) for file in captures]
-    registration, deviation = register_mask(values, read_plane(mask, found.mask_key), offsets, black=found.black)
+    offsets = [round(described.pixels_per_band * band) for band in range(len(described.wavelengths_nm))]
+    values = [read_plane(file, described.capture_key) for file in captures]
+    image = read_plane(mask, described.mask_key)
+    registration, deviation = register_mask(values, image, offsets, black=described.black)
     if json:
         print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
         return
@@ -62,19 +68,18 @@ def register(
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
     from tmca.cli.options.numbers import pair
     from tmca.data import read_array
-    from tmca.errors import SettingError
+    from tmca.errors import SettingError, check_choice
     from tmca.lab.importing import read_plane
     from tmca.lab.registering import shutter_place
 
-    if name not in prototype.captures:
-        raise SettingError("--name", repr(name), f"one of {', '.join(prototype.captures)}")
-    known = None if shift is None else pair(shift, "--shift")
-    if known is not None and not all(part.is_integer() for part in known):
+    check_choice("--name", name, prototype.captures)
+    fixed = None if shift is None else pair(shift, "--shift")
+    if fixed is not None and not all(part.is_integer() for part in fixed):
         raise SettingError("--shift", repr(shift), "whole ROWS,COLUMNS")
-    whole = None if known is None else (int(known[0]), int(known[1]))
+    whole = None if fixed is None else (int(fixed[0]), int(fixed[1]))
     keys = prototype.captures[name]
     for file in captures:
-        place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), known=whole)
+        place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), fixed=whole)
         if as_json:
             print(json_module.dumps({"shutter_shift": place.shift, "first_slot": place.first_slot}))
             continue
@@ -115,36 +120,40 @@ def movie(
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
-    from tmca.lab.movies import decode_movie, frame_dataset
+    from tmca.decoders import decode, decoders_for
+    from tmca.errors import check_choice
     from tmca.plots import frames_figure, save_figure
 
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
     taken: Snapshot[Any] = Snapshot.load(snapshot)
-    numbers = _numbers_of(decoder, lifetime=lifetime, changing=changing, threshold=threshold, iterations=iterations)
+    check_choice("decoder", decoder, decoders_for("spectral", moving=True))
+    given = {"lifetime": lifetime, "changing": changing, "threshold": threshold, "iterations": iterations}
+    settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        found = decode_movie(taken, frames, decoder, progress=progress, **numbers)
-    write_dataset(frame_dataset(found, taken), out, overwrite=overwrite)
+        estimate = decode(taken, decoder, progress=progress, frames=frames, **settings)
+    labelled = frames_of(estimate)
+    write_dataset(labelled, out, overwrite=overwrite)
     if figure is not None:
-        values = taken.values[0, 0].numpy()
-        drawing = frames_figure({decoder: found.frames.mean(1).numpy()}, {decoder: values}, shown=min(frames, 8))
+        values, pictures = taken.values[0, 0].numpy(), labelled["frames"].values.mean(1)
+        drawing = frames_figure({decoder: pictures}, {decoder: values}, shown=min(frames, 8))
         save_figure(drawing, figure, overwrite=overwrite)
-    print(f"{out}: {frames} frames of {found.slots} slots each, {decoder}")
-    if (scene := found.covariance) is not None:
-        share = f"{scene.changing:.1%} of its variance within {scene.lifetime:g} slots"
-        print(f"  the scene changes over {scene.length:g} pixels, {share}")
+    about = labelled.attrs
+    print(f"{out}: {frames} frames of {about['slots_per_frame']} slots each, {decoder}")
+    if "scene_lifetime" in about:
+        share = f"{about['scene_changing']:.1%} of its variance within {about['scene_lifetime']:g} slots"
+        print(f"  the scene changes over {about['scene_length']:g} pixels, {share}")
 
 
-def _numbers_of(decoder: str, **given: float | None) -> dict[str, Any]:
-    """The numbers that are given; SettingError if one of them is another decoder's."""
-    from tmca.errors import SettingError
-    from tmca.lab.movies import MOVIE_NUMBERS
-
-    numbers = {name: value for name, value in given.items() if value is not None}
-    for name, value in numbers.items():
-        if decoder in MOVIE_NUMBERS and name not in MOVIE_NUMBERS[decoder]:
-            raise SettingError(f"--{name}", f"{value:g}", f"none for {decoder}")
-    return numbers
+def frames_of(estimate: Estimate) -> xr.Dataset:
+    """``frames`` (frame, wavelength, y, x) of a scene that changes, ``frames_std`` where the decoder knows their
+    standard deviation, and the first slot of each."""
+    labelled = estimate.to_xarray()
+    names = {"estimate": "frames", "deviation": "frames_std", "slot": "frame"}
+    labelled = labelled.rename({old: new for old, new in names.items() if old in labelled or old in labelled.dims})
+    slots = estimate.camera.slots // labelled.sizes["frame"]
+    first = ("frame", [slots * frame for frame in range(labelled.sizes["frame"])])
+    return labelled.assign_coords(first_slot=first).assign_attrs(slots_per_frame=slots)
 
 
 @app.command

@@ -34,17 +34,17 @@ def fringe_plan(projector: str, fringes: str, steps: int, across: Literal["x", "
 
 def places(points: list[str]) -> dict[str, tuple[int, int]]:
     """``NAME=ROW,COLUMN`` of each point."""
-    found = {}
+    by_name = {}
     for point in points:
         name, _, place = point.rpartition("=")
         try:
             row, column = (int(part) for part in place.split(","))
         except ValueError:
             raise SettingError("--points", repr(point), "NAME=ROW,COLUMN, such as P1=28,38") from None
-        if name in found:
+        if name in by_name:
             raise SettingError("--points", f"{name} twice", "each once", "name its references apart")
-        found[name] = (row, column)
-    return found
+        by_name[name] = (row, column)
+    return by_name
 
 
 def said_depth(measured: xr.Dataset, out: Path, json: bool, error: dict[str, float] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Options of what is written, and refusals before the work is done."""
+"""Options of what is written, refusals before the work is done, and what is said of scenes on standard error."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from cyclopts import Group, Parameter
 
 from tmca.cli.options.numbers import On
 from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @Parameter(name="*", group=Group("Output", sort_key=6))
@@ -50,3 +54,22 @@ def check_targets(files: Iterable[Path], overwrite: bool, source: str | Path = "
         if source and file.resolve() == Path(source).resolve():
             raise SettingError("--out", f"{file}, which is the input", "another file")
         check_target(file, overwrite)
+
+
+def assumed(scene: xr.DataArray | xr.Dataset) -> None:
+    """Say what was taken for granted about a file."""
+    origin, file = str(scene.attrs.get("wavelengths_from", "")), scene.attrs.get("source")
+    if origin.startswith("known set"):
+        warned(f"{file}: no wavelengths in it, taken from the {origin} (--wavelengths)")
+    if scene.attrs.get("scale_from") == "maximum":
+        warned(f"{file}: divided by its maximum, {scene.attrs['scale']:g} (--scale)")
+
+
+def centre_assumed(light_field: xr.DataArray) -> None:
+    """Say which views were taken of a square grid that has no centre view."""
+    from tmca.data.light_field_scenes import taken_views
+
+    rows, columns = light_field.attrs.get("grid", (1, 1))
+    if rows == columns and rows % 2 == 0:
+        where = f"{light_field.attrs.get('source')}: {rows}×{columns} views have no centre one"
+        warned(f"{where}; taken are {taken_views(light_field)}")

@@ -28,17 +28,20 @@ if TYPE_CHECKING:
 NETCDF_SUFFIXES = (".nc", ".nc4", ".cdf")
 QUANTITY = "relative irradiance"
 """The attribute ``quantity`` with this value marks data that are already scaled: our own files."""
+IRRADIANCE = {"quantity": QUANTITY, "units": "1", "long_name": QUANTITY}
+"""Attributes of scenes."""
 LABELLED, MATLAB = "NetCDF/HDF5 file or Zarr store", "MATLAB file"
 _CLASSES = {"double": "f8", "single": "f4", "logical": "?"}
 _CLASSES |= {f"{sign}int{bits}": f"{sign or 'i'}{bits // 8}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 
 
-@reads(".npy")
-def open_npy(path: Path) -> Contents:
-    """A ``.npy`` array, memory-mapped; arrays of Python objects are refused."""
-    with whole_file(path, ".npy file of numbers"):
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-    return Contents(path, "NumPy", {path.stem: from_array(path.stem, array, usual_axis=0)})
+@reads(".npy", ".npz")
+def open_numpy(path: Path) -> Contents:
+    """A ``.npy`` array, memory-mapped, or the arrays of a ``.npz``; Python objects are refused."""
+    with whole_file(path, f"{path.suffix} file of numbers"):
+        loaded = np.load(path, mmap_mode="r", allow_pickle=False)
+        arrays = {path.stem: loaded} if isinstance(loaded, np.ndarray) else dict(loaded)
+    return Contents(path, "NumPy", {name: from_array(name, array, usual_axis=0) for name, array in arrays.items()})
 
 
 @reads(*NETCDF_SUFFIXES, ".h5", ".hdf5", ".hdf", ".he5")
@@ -116,9 +119,9 @@ def _spectral_coordinate(array: xarray.DataArray) -> NDArray[np.float64] | None:
     for name, coordinate in array.coords.items():
         if str(name).lower() in wavelengths.NAMES and coordinate.ndim == 1:
             unit = coordinate.attrs.get("units", "nm" if str(name).endswith("_nm") else None)
-            found = wavelengths.from_file(coordinate.values, unit)
-            if found is not None:
-                return found
+            metres = wavelengths.from_file(coordinate.values, unit)
+            if metres is not None:
+                return metres
     return None
 
 
@@ -126,14 +129,14 @@ def _datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
     """Every dataset of an HDF5 file by its path."""
     import h5py
 
-    found: dict[str, h5py.Dataset] = {}
+    datasets: dict[str, h5py.Dataset] = {}
 
     def visit(name: str, item: object) -> None:
         if isinstance(item, h5py.Dataset):
-            found[name] = item
+            datasets[name] = item
 
     file.visititems(visit)
-    return found
+    return datasets
 
 
 def _plain(path: Path, name: str, item: Any) -> Stored:

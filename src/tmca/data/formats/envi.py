@@ -25,12 +25,11 @@ def _data_of(header: Path, asked: Path) -> Path:
         return asked
     stem = header.with_suffix("")
     names = [stem.with_name(stem.name + s) for suffix in DATA_SUFFIXES for s in (suffix, suffix.upper())]
-    found = next((name for name in names if name.is_file()), None)
-    if found is None:
-        raise DataError(
-            header, "no data file beside the header", f"{stem.name} with one of {' '.join(DATA_SUFFIXES[1:])}"
-        )
-    return found
+    data = next((name for name in names if name.is_file()), None)
+    if data is None:
+        expected = f"{stem.name} with one of {' '.join(DATA_SUFFIXES[1:])}"
+        raise DataError(header, "no data file beside the header", expected, "add it")
+    return data
 
 
 @reads(".hdr", *DATA_SUFFIXES[1:])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -58,25 +59,43 @@ def open_cave(folder: Path) -> Contents:
             "a CAVE scene (*_ms_01.png … *_ms_31.png), a light field (a picture per view) or a Zarr store",
             "say how a light field's views are named with pattern= (--pattern), such as view_{row}_{column}.png",
         )
-    first = _grey(files[0])
+    name = _BAND_FILE.sub("", files[0].name)
+    stored = stack_pictures(name, files, (len(files),), ("band",), _grey)
+    return Contents(folder, "CAVE folder", {name: replace(stored, usual_axis=0)})
+
+
+def stack_pictures(
+    name: str,
+    files: Sequence[Path],
+    shape: tuple[int, ...],
+    dims: tuple[str, ...],
+    read: Callable[[Path], NDArray[Any]] | None = None,
+) -> Stored:
+    """Pictures of one size and kind as one array, each read when it is asked for.
+
+    Args:
+        name: of the array.
+        files: row after row.
+        shape: of the axes over files.
+        dims: of those.
+        read: gives the pixels of a file; `read_picture` without.
+    """
+    read = read or read_picture
+    first, numbers, axes = read(files[0]), np.arange(len(files)).reshape(shape), len(shape)
+
+    def picture(file: Path) -> NDArray[Any]:
+        pixels = read(file)
+        if pixels.shape != first.shape or pixels.dtype != first.dtype:
+            found, expected = (f"pixels of shape {p.shape} and type {p.dtype}" for p in (pixels, first))
+            raise DataError(file, found, f"{expected} as in {files[0].name}", "save all alike, or replace it")
+        return pixels
 
     def load(index: Index) -> NDArray[Any]:
-        bands = range(len(files))[index[0]]
-        if isinstance(bands, int):
-            return _band_like(first, files[bands])[index[1:]]
-        return np.stack([_band_like(first, files[band])[index[1:]] for band in bands])
+        chosen = numbers[index[:axes]]
+        parts = [picture(files[int(number)])[index[axes:]] for number in np.ravel(chosen)]
+        return np.stack(parts).reshape(*np.shape(chosen), *parts[0].shape)
 
-    name = _BAND_FILE.sub("", files[0].name)
-    stored = Stored(name, (len(files), *first.shape), first.dtype, load, ("band", "y", "x"), usual_axis=0)
-    return Contents(folder, "CAVE folder", {name: stored})
-
-
-def _band_like(first: NDArray[Any], file: Path) -> NDArray[Any]:
-    band = _grey(file)
-    if band.shape != first.shape or band.dtype != first.dtype:
-        found, wanted = f"{band.shape} {band.dtype}", f"{first.shape} {first.dtype} as in the first band"
-        raise DataError(file, found, wanted, "fetch or write it again")
-    return band
+    return Stored(name, (*shape, *first.shape), first.dtype, load, (*dims, *("y", "x", "channel")[: first.ndim]))
 
 
 def _grey(file: Path) -> NDArray[Any]:
@@ -134,6 +153,7 @@ def _whole_picture(file: Path) -> AbstractContextManager[None]:
     return whole_file(file, _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP"))
 
 
+@reads(".pfm")
 def open_picture(path: Path) -> Contents:
     """A single picture as one array, ``(y, x)`` or ``(y, x, channel)``."""
     pixels = read_picture(path)
@@ -215,8 +235,8 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
 
 def _from_labels(labels: list[str]) -> NDArray[np.float64] | None:
     """Metres from page labels that each name a wavelength with its unit."""
-    found = [_LABEL_NM.search(label) for label in labels]
-    nm = [float(m[1]) * (1.0 if m[2].lower() == "nm" else 1e3) for m in found if m]
+    matches = [_LABEL_NM.search(label) for label in labels]
+    nm = [float(m[1]) * (1.0 if m[2].lower() == "nm" else 1e3) for m in matches if m]
     return wavelengths.nm_to_metres(nm) if len(nm) == len(labels) else None
 
 

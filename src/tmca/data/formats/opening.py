@@ -8,6 +8,8 @@ from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from tmca.data.formats import arrays, envi, images, views
 from tmca.data.formats.stored import OPENERS, Contents, whole_file
 from tmca.errors import DataError
@@ -19,6 +21,23 @@ GROUP = "tmca.formats"
 def is_picture(path: Path) -> bool:
     """Whether the suffix is that of a single picture."""
     return path.suffix.lower() in images.PICTURES
+
+
+def read_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
+    """Read one array as it is: masks, captures, codes. Axes as in `tmca.data.read`, values and dtype untouched.
+
+    Args:
+        path: any file that `tmca.data.read` opens, or a picture.
+        variable: its name, where the file has several.
+
+    Raises:
+        DataError: missing or damaged file, no such variable, or several to choose from.
+    """
+    with open_contents(path) as contents:
+        if variable is not None:
+            return contents.get(variable).whole()
+        numeric = [stored for stored in contents.arrays.values() if stored.numeric and stored.size]
+        return contents.only(numeric, "array of numbers").whole()
 
 
 def is_zarr(folder: Path) -> bool:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
 
-_PICTURE = r"\.(?:png|jpe?g|bmp)"
 MIDDLEBURY_2005, MIDDLEBURY_2014, SKIMAGE = "Middlebury 2005", "Middlebury 2014", "Middlebury 2014 of scikit-image"
 NYUV2, OPEN3D = "NYU Depth v2", "Open3D"
+_FIELDS = {
+    "<scene>": r"(?P<stem>.+)",
+    "<frame>": r"(?P<stem>[^._]+)",
+    "<set>": r"(?P<set>.+_)?",
+    "<picture>": r"(?:png|jpe?g|bmp)",
+    "<GT>": r"(?:GT)?",
+}
+"""What may stand in the place of a field of a file name."""
 
 
 @dataclass(frozen=True)
@@ -22,35 +30,39 @@ class Layout:
 
     Args:
         data_set: its name.
-        picture, depth: patterns of the file names, with the groups ``set`` and ``stem`` where a folder holds several.
-        names: how they read, for messages.
+        picture, depth: file names with the fields ``<scene>`` or ``<frame>``, which tell scenes of a folder apart,
+            ``<set>`` before them, ``<picture>`` for the suffix of a picture, ``<GT>`` for this or nothing.
     """
 
     data_set: str
-    picture: re.Pattern[str]
-    depth: re.Pattern[str]
-    names: tuple[str, str]
+    picture: str
+    depth: str
+
+    def match(self, part: str, name: str) -> re.Match[str] | None:
+        """How a file name is that of the part, ``"picture"`` or ``"depth"``."""
+        return _pattern(getattr(self, part)).fullmatch(name)
+
+    def name_of(self, part: str) -> str:
+        """How the part's file is called, for messages."""
+        return str(getattr(self, part)).replace("<picture>", "png").replace("<GT>", "")
 
 
-def _layout(data_set: str, picture: str, depth: str, names: tuple[str, str]) -> Layout:
-    return Layout(data_set, re.compile(picture, re.IGNORECASE), re.compile(depth, re.IGNORECASE), names)
+@cache
+def _pattern(name: str) -> re.Pattern[str]:
+    """The file names that a name with fields stands for."""
+    pattern = re.escape(name)
+    for field, expression in _FIELDS.items():
+        pattern = pattern.replace(field, expression)
+    return re.compile(pattern, re.IGNORECASE)
 
 
-_STEM, _FRAME = r"(?P<stem>.+)", r"(?P<stem>[^._]+)"
 LAYOUTS = (
-    _layout(MIDDLEBURY_2005, rf"{_STEM}_rgb{_PICTURE}", rf"{_STEM}_disp\.png", ("<scene>_rgb.png", "<scene>_disp.png")),
-    _layout(MIDDLEBURY_2005, r"view1\.png", r"disp1\.png", ("view1.png", "disp1.png")),
-    _layout(MIDDLEBURY_2014, r"im0\.png", r"disp0(?:GT)?\.pfm", ("im0.png", "disp0.pfm")),
-    _layout(SKIMAGE, rf"{_STEM}_left{_PICTURE}", rf"{_STEM}_disp\.npz", ("<scene>_left.png", "<scene>_disp.npz")),
-    _layout(
-        NYUV2, rf"rgb_{_FRAME}{_PICTURE}", rf"sync_depth_{_FRAME}\.png", ("rgb_<frame>.jpg", "sync_depth_<frame>.png")
-    ),
-    _layout(
-        OPEN3D,
-        rf"(?P<set>.+_)?color_{_FRAME}{_PICTURE}",
-        rf"(?P<set>.+_)?depth_{_FRAME}\.png",
-        ("<set>color_<frame>.jpg", "<set>depth_<frame>.png"),
-    ),
+    Layout(MIDDLEBURY_2005, "<scene>_rgb.<picture>", "<scene>_disp.png"),
+    Layout(MIDDLEBURY_2005, "view1.png", "disp1.png"),
+    Layout(MIDDLEBURY_2014, "im0.png", "disp0<GT>.pfm"),
+    Layout(SKIMAGE, "<scene>_left.<picture>", "<scene>_disp.npz"),
+    Layout(NYUV2, "rgb_<frame>.<picture>", "sync_depth_<frame>.png"),
+    Layout(OPEN3D, "<set>color_<frame>.<picture>", "<set>depth_<frame>.png"),
 )
 
 
@@ -96,30 +108,29 @@ class RgbdFiles:
         if self.picture is not None and self.depth is not None:
             return self.picture, self.depth
         there, gone = (self.depth, "picture") if self.picture is None else (self.picture, "depth map")
-        pattern = self.layout.names[gone != "picture"].replace("<set>", self.set)
-        expected = re.sub(r"<(?:scene|frame)>", self.stem, pattern)
+        pattern = self.layout.name_of("picture" if self.picture is None else "depth").replace("<set>", self.set)
+        expected = pattern.replace("<scene>", self.stem).replace("<frame>", self.stem)
         raise DataError(there, f"no {gone} beside it", f"{expected} ({self.layout.data_set})", "add the file")
 
 
 def scenes_in(folder: Path) -> list[RgbdFiles]:
     """The RGB-D scenes of a folder by name, also those with one file missing."""
-    found: dict[tuple[str, str, int], dict[str, Path]] = {}
+    scenes: dict[tuple[str, str, int], dict[str, Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else ():
         role = _role(file.name)
         if role is not None:
-            found.setdefault(role[0], {}).setdefault(role[1], file)
+            scenes.setdefault(role[0], {}).setdefault(role[1], file)
     return [
         RgbdFiles(LAYOUTS[number], folder, group, stem, files.get("picture"), files.get("depth"))
-        for (stem, group, number), files in sorted(found.items())
+        for (stem, group, number), files in sorted(scenes.items())
     ]
 
 
 def _role(name: str) -> tuple[tuple[str, str, int], str] | None:
     """(Stem, set, layout) and part of a file name, by the first layout that fits."""
     for number, layout in enumerate(LAYOUTS):
-        for part, pattern in (("picture", layout.picture), ("depth", layout.depth)):
-            match = pattern.fullmatch(name)
-            if match:
+        for part in ("picture", "depth"):
+            if match := layout.match(part, name):
                 words = match.groupdict()
                 return (words.get("stem") or "", words.get("set") or "", number), part
     return None
@@ -178,11 +189,11 @@ def middlebury_2014(path: Path) -> Stereo:
     text = _text(path, "calib.txt of Middlebury 2014")
     entries = dict(re.findall(r"^\s*(\w+)\s*=\s*(.+?)\s*$", text, re.MULTILINE))
     wanted = {"cam0": r"\[\s*([-+.\deE]+)", "baseline": r"([-+.\deE]+)", "doffs": r"([-+.\deE]+)"}
-    found = {key: _first_number(pattern, entries.get(key, "")) for key, pattern in wanted.items()}
-    gone = [key for key, number in found.items() if number is None]
+    numbers = {key: _first_number(pattern, entries.get(key, "")) for key, pattern in wanted.items()}
+    gone = [key for key, number in numbers.items() if number is None]
     if gone:
         raise DataError(path, f"no number for {', '.join(gone)}", "cam0=[f 0 cx; …], baseline= (mm) and doffs= (px)")
-    focal, baseline, offset = (float(number or 0) for number in found.values())
+    focal, baseline, offset = (float(number or 0) for number in numbers.values())
     if focal <= 0 or baseline <= 0:
         raise DataError(path, f"focal length {focal:g} px and baseline {baseline:g} mm", "positive ones")
     return Stereo(focal, baseline / 1000, offset)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from math import prod
@@ -99,6 +99,30 @@ class Contents:
         if not stored.numeric:
             raise DataError(self.path, f"variable {variable!r} of type {stored.dtype}", "real numbers")
         return stored
+
+    def only(self, candidates: Sequence[Stored], name: str, remedy: str = "") -> Stored:
+        """The one candidate.
+
+        Args:
+            candidates: what could be meant.
+            name: what is looked for, for the message.
+            remedy: where there is none.
+
+        Raises:
+            DataError: there is none, or there are several.
+        """
+        if len(candidates) == 1:
+            return candidates[0]
+        if not candidates:
+            raise DataError(self.path, f"no {name} ({self.listing()})", f"a {name}", remedy)
+        names = ", ".join(stored.name for stored in candidates)
+        remedy = "choose it with variable= (--variable)"
+        raise DataError(self.path, f"{len(candidates)} arrays that could be the {name} ({names})", "one", remedy)
+
+    def listing(self) -> str:
+        """The first arrays with their shapes, for messages."""
+        named = [f"{s.name} {s.shape}" if s.numeric else f"{s.name} of type {s.dtype}" for s in self.arrays.values()]
+        return ", ".join(named[:6]) or "nothing"
 
 
 def from_array(name: str, array: NDArray[Any], **about: Any) -> Stored:

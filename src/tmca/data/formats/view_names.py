@@ -77,9 +77,8 @@ def find_views(folder: Path, pattern: str | None = None, side: Place | None = No
         if not matches:
             raise DataError(folder, "no picture with such a name", pattern, "give the names' pattern= (--pattern)")
     else:
-        label, matches = next(
-            ((label, found) for label, e in KNOWN if len(found := _matches(names, e)) >= _FEWEST), ("", [])
-        )
+        recognised = ((label, _matches(names, expression)) for label, expression in KNOWN)
+        label, matches = next((each for each in recognised if len(each[1]) >= _FEWEST), ("", []))
         if not matches:
             return None
     return ViewFiles(label, _gridded(folder, matches, pattern or "", side))
@@ -131,30 +130,27 @@ def _gridded(
         places = _by_index(folder, {file: int(m["index"]) for file, m in matches}, side)
     else:
         places = [(file, (int(m["row"]), int(m["column"]))) for file, m in matches]
-    found: dict[Place, Path] = {}
+    grid: dict[Place, Path] = {}
     for file, place in places:
-        if place in found:
-            raise DataError(
-                file, f"a second picture of one view beside {found[place].name}", "one of each", "remove it"
-            )
-        found[place] = file
-    rows, columns = (sorted({place[axis] for place in found}) for axis in (0, 1))
-    _require_complete(folder, found, rows, columns)
+        if place in grid:
+            raise DataError(file, f"a second picture of one view beside {grid[place].name}", "one of each", "remove it")
+        grid[place] = file
+    rows, columns = (sorted({place[axis] for place in grid}) for axis in (0, 1))
+    _require_complete(folder, grid, rows, columns)
     if "y" in fields:
         positions = {place: (float(m["y"]), float(m["x"])) for (_, m), (_, place) in zip(matches, places, strict=True)}
         rows, columns = (_by_position(positions, axis) for axis in (0, 1))
     rows, columns = rows[:: -1 if "{-row}" in pattern else 1], columns[:: -1 if "{-column}" in pattern else 1]
-    return tuple(tuple(found[row, column] for column in columns) for row in rows)
+    return tuple(tuple(grid[row, column] for column in columns) for row in rows)
 
 
 def _by_index(folder: Path, numbers: dict[Path, int], side: Place | None) -> list[tuple[Path, Place]]:
     """Rows and columns of views that are numbered row after row from 0."""
-    count = len(numbers)
+    count, origin = len(numbers), "" if side is None else " as parameters.cfg says"
     if side is None:
-        nearest = (
-            isqrt(count) if isqrt(count) ** 2 == count else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
-        )
-        side = (nearest, nearest)
+        square = isqrt(count) ** 2 == count
+        rows = isqrt(count) if square else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
+        side = (rows, rows)
     wanted = set(range(side[0] * side[1]))
     gone, extra = sorted(wanted - set(numbers.values())), sorted(set(numbers.values()) - wanted)
     if gone or extra:
@@ -162,7 +158,7 @@ def _by_index(folder: Path, numbers: dict[Path, int], side: Place | None) -> lis
         raise DataError(
             folder,
             f"{count} views, {first}",
-            f"{side[0]}×{side[1]} views numbered 0 to {side[0] * side[1] - 1}",
+            f"{side[0]}×{side[1]} views numbered 0 to {side[0] * side[1] - 1}{origin}",
             "add what is missing, or take away what does not belong",
         )
     return [(file, divmod(number, side[1])) for file, number in numbers.items()]

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture
+from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture, stack_pictures
 from tmca.data.formats.stored import Contents, Index, Stored, reads, whole_file
 from tmca.data.formats.view_names import Place, ViewFiles, find_views
+from tmca.data.pixels import wrong_size
 from tmca.errors import DataError, SettingError
 
 DIMS = ("view_v", "view_u", "y", "x")
@@ -40,38 +41,19 @@ def open_views(folder: Path, pattern: str | None = None) -> Contents | None:
     """
     about = read_parameters(folder / PARAMETERS) if (folder / PARAMETERS).is_file() else {}
     side: Place | None = (int(about["num_cams_y"]), int(about["num_cams_x"])) if about else None
-    views = find_views(folder, pattern) if side is None else _views_of(folder, pattern, side)
+    views = find_views(folder, pattern, side)
     if views is None:
         return None
     size = _size(views)
     stated = (about.get("image_resolution_y_px"), about.get("image_resolution_x_px"))
+    if side and views.shape != side:
+        (rows, columns), found = views.shape, f"num_cams_y = {side[0]} and num_cams_x = {side[1]}"
+        raise DataError(folder / PARAMETERS, found, f"{rows} and {columns}, as the views beside it make", _CORRECT)
     if about and stated != size:
         found = f"a resolution of {stated[0]:g}×{stated[1]:g} pixels (height × width)"
         raise DataError(folder / PARAMETERS, found, f"{size[0]}×{size[1]} as the views have", _CORRECT)
-    stored = _stored(folder, views, size)
+    stored = stack_pictures(folder.name or "light_field", views.files, views.shape, DIMS[:2])
     return Contents(folder, "folder of views", {stored.name: stored}, attrs={"pattern": views.naming, **_si(about)})
-
-
-def _views_of(folder: Path, pattern: str | None, side: Place) -> ViewFiles | None:
-    """The views on a grid of the stated rows and columns.
-
-    Raises:
-        DataError: the pictures make no such grid; ``parameters.cfg`` is to blame where they make another whole one.
-    """
-    try:
-        found = find_views(folder, pattern, side)
-    except DataError as error:
-        try:
-            found = find_views(folder, pattern)
-        except DataError as other:
-            if str(other) == str(error):
-                raise
-            raise DataError(folder, error.found, f"{error.expected} as {PARAMETERS} says", error.remedy) from error
-    if found is not None and found.shape != side:
-        (rows, columns), stated = found.shape, f"num_cams_y = {side[0]} and num_cams_x = {side[1]}"
-        wanted = f"{rows} and {columns}, as the {rows * columns} views beside it make"
-        raise DataError(folder / PARAMETERS, stated, wanted, f"add views that are missing, {_CORRECT}")
-    return found
 
 
 def _size(views: ViewFiles) -> Place:
@@ -80,35 +62,8 @@ def _size(views: ViewFiles) -> Place:
     usual = max(set(sizes), key=sizes.count)
     for file, size in zip(views.files, sizes, strict=True):
         if size != usual:
-            found, expected = (f"{h}×{w} pixels (height × width)" for h, w in (size, usual))
-            raise DataError(file, found, f"{expected} as most views have", "crop or replace it")
+            raise wrong_size(file, "a view", size, usual, "most views have")
     return usual
-
-
-def _stored(folder: Path, views: ViewFiles, size: Place) -> Stored:
-    first, numbers = read_picture(views.files[0]), np.arange(len(views.files)).reshape(views.shape)
-    channels = first.shape[2:]
-
-    def load(index: Index) -> NDArray[Any]:
-        chosen = numbers[index[:2]]
-        pixels = [_like(first, views.files[number])[index[2:]] for number in np.ravel(chosen)]
-        return np.stack(pixels).reshape(*np.shape(chosen), *pixels[0].shape)
-
-    dims = (*DIMS, *("channel" for _ in channels))
-    return Stored(folder.name or "light_field", (*views.shape, *size, *channels), first.dtype, load, dims)
-
-
-def _like(first: NDArray[Any], file: Path) -> NDArray[Any]:
-    pixels = read_picture(file)
-    if pixels.shape != first.shape or pixels.dtype != first.dtype:
-        found, wanted = (f"{_kind(p)} pixels of type {p.dtype}" for p in (pixels, first))
-        raise DataError(file, found, f"{wanted} as in the first view", "save all views alike, or replace it")
-    return pixels
-
-
-def _kind(pixels: NDArray[Any]) -> str:
-    channels = pixels.shape[2] if pixels.ndim == 3 else 1
-    return {1: "grey", 2: "grey and alpha", 3: "colour", 4: "colour and alpha"}.get(channels, f"{channels}-channel")
 
 
 def read_parameters(path: Path) -> dict[str, float]:

@@ -6,7 +6,7 @@ Public data sets whose files carry no wavelengths are recognised by band count a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tmca.data.formats.stored import Contents, Stored
+from tmca.data.formats.stored import Contents, Stored, whole_file
 from tmca.errors import DataError, SettingError, check_range
 
 NAMES = frozenset(
@@ -25,13 +25,14 @@ NAMES = frozenset(
 )
 """Names, in lower case, under which files keep their wavelengths or label their spectral axis."""
 
-_TO_NM = {"nm": 1.0, "um": 1e3, "m": 1e9, "a": 0.1}
-_UNIT_NAMES = {
-    "nm": ("nm", "nanometer", "nanometers", "nanometre", "nanometres"),
-    "um": ("um", "µm", "μm", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"),
-    "m": ("m", "meter", "meters", "metre", "metres"),
-    "a": ("a", "å", "angstrom", "angstroms"),
+_NM = {
+    **dict.fromkeys(("nm", "nanometer", "nanometre"), 1.0),
+    **dict.fromkeys(("um", "µm", "μm", "micron", "micrometer", "micrometre"), 1e3),
+    **dict.fromkeys(("m", "meter", "metre"), 1e9),
+    **dict.fromkeys(("a", "å", "angstrom"), 0.1),
 }
+"""Nanometres in a unit as files spell it, in the singular."""
+_SHORTEST_NM, _LONGEST_NM = 100.0, 20000.0
 
 
 def metres_to_nm(metres: ArrayLike) -> NDArray[np.float64]:
@@ -44,16 +45,12 @@ def nm_to_metres(nm: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(np.round(np.asarray(nm, dtype=np.float64), 6) / 1e9, dtype=np.float64)
 
 
-def unit_of(text: object) -> str | None:
-    """``"nm"``, ``"um"``, ``"m"`` or ``"a"`` (ångström) for a unit as files spell it; None for other text."""
-    word = str(text).strip().lower()
-    return next((unit for unit, names in _UNIT_NAMES.items() if word in names), None)
-
-
 def guess_unit(values: NDArray[np.float64]) -> str | None:
-    """The unit that makes the values optical wavelengths: 100 nm to 20 µm. None if no unit does."""
-    ranges = {"nm": (100.0, 20000.0), "um": (0.1, 20.0), "m": (1e-7, 2e-5)}
-    return next((unit for unit, (low, high) in ranges.items() if low <= values.min() and values.max() <= high), None)
+    """The unit that makes the values optical wavelengths, 100 nm to 20 µm: "nm", "um" or "m"; None if none does."""
+    for unit in ("nm", "um", "m"):
+        if values.min() * _NM[unit] >= _SHORTEST_NM and values.max() * _NM[unit] <= _LONGEST_NM:
+            return unit
+    return None
 
 
 def from_file(values: Any, unit: object = None) -> NDArray[np.float64] | None:
@@ -70,9 +67,9 @@ def from_file(values: Any, unit: object = None) -> NDArray[np.float64] | None:
         return None
     if not np.isfinite(vector).all() or (vector <= 0).all():
         return vector  # meant as wavelengths, and refused as such
-    known = unit_of(unit) if unit is not None else None
-    known = known or guess_unit(vector)
-    return None if known is None else nm_to_metres(vector * _TO_NM[known])
+    stated = str(unit).strip().lower().removesuffix("s")
+    scale = _NM.get(stated) or _NM.get(guess_unit(vector) or "")
+    return None if scale is None else nm_to_metres(vector * scale)
 
 
 def from_argument(wavelengths: Iterable[float], count: int, where: object) -> NDArray[np.float64]:
@@ -118,23 +115,17 @@ def read_sidecar(path: Path) -> NDArray[np.float64] | None:
     Raises:
         DataError: a line that is not a number. One heading line and ``#`` comments are allowed.
     """
-    found = next((side for side in sidecar_paths(path) if side.is_file()), None)
-    if found is None:
+    sidecar = next((side for side in sidecar_paths(path) if side.is_file()), None)
+    if sidecar is None:
         return None
-    try:
-        lines = [line.split("#")[0].strip() for line in found.read_text(encoding="utf-8-sig").splitlines()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(found, f"an unreadable file ({error})", "wavelengths in nm, one per line") from error
-    lines = [line for line in lines if line]
-    if lines and re.match(r"[^\W\d]", lines[0].strip("\"'")):
-        lines = lines[1:]
-    try:
-        nm = np.array([float(word) for line in lines for word in re.split(r"[\s,;]+", line) if word])
-    except ValueError as error:
-        raise DataError(found, str(error), "wavelengths in nm, one per line") from error
+    with whole_file(sidecar, "list of wavelengths in nm, one per line"):
+        lines = [line.split("#")[0].strip() for line in sidecar.read_text(encoding="utf-8-sig").splitlines()]
+        lines = [line for line in lines if line]
+        heading = bool(lines) and re.match(r"[^\W\d]", lines[0].strip("\"'")) is not None
+        nm = np.array([float(word) for line in lines[heading:] for word in re.split(r"[\s,;]+", line) if word])
     if nm.size == 0 or guess_unit(nm) != "nm":
         values = f"values from {nm.min():g} to {nm.max():g}" if nm.size else "no values"
-        raise DataError(found, values, "wavelengths in nm, one per line")
+        raise DataError(sidecar, values, "wavelengths in nm, one per line")
     return nm_to_metres(nm)
 
 
@@ -205,17 +196,16 @@ def spectral_axis(stored: Stored, count: int | None = None) -> int | None:
     labelled = [i for i, name in enumerate(stored.dims) if name.lower() in NAMES]
     if len(labelled) == 1:
         return labelled[0]
-    count = count or (None if stored.wavelengths is None else len(stored.wavelengths))
-    if count is not None and count in stored.shape:
-        return _choose([i for i, n in enumerate(stored.shape) if n == count], stored)
-    known = [i for i, n in enumerate(stored.shape) if find_known(stored.name, n)]
-    return _choose(known, stored) if known else _odd_one_out(stored)
-
-
-def _choose(axes: Sequence[int], stored: Stored) -> int:
-    """The only candidate, or the format's usual axis among several equal ones."""
+    count = _stated(stored, count)
+    fitting = [i for i, n in enumerate(stored.shape) if n == count]
+    fitting = fitting or [i for i, n in enumerate(stored.shape) if find_known(stored.name, n)]
     usual = stored.usual_axis % 3
-    return usual if usual in axes else axes[0]
+    return (usual if usual in fitting else fitting[0]) if fitting else _odd_one_out(stored)
+
+
+def _stated(stored: Stored, count: int | None) -> int | None:
+    """How many wavelengths the caller gave, or the file has for this array; None without any."""
+    return count or (None if stored.wavelengths is None else len(stored.wavelengths))
 
 
 def _odd_one_out(stored: Stored) -> int | None:
@@ -232,6 +222,7 @@ def _odd_one_out(stored: Stored) -> int | None:
 
 MAIN = ("estimate", "radiance")
 """Names under which tmca's own files keep their cube, beside others such as its deviation."""
+_NO_CUBE = "read masks and captures with tmca.data.read_array"
 
 
 def find_cube(contents: Contents, variable: str | None, count: int | None) -> Stored:
@@ -246,53 +237,18 @@ def find_cube(contents: Contents, variable: str | None, count: int | None) -> St
         DataError: none or several could be the cube, or the one asked for has not three axes.
     """
     if variable is not None:
-        return _three_axes(contents, contents.get(variable))
+        stored = contents.get(variable)
+        if len(stored.shape) != 3 or not stored.size:
+            found = f"variable {stored.name!r} of shape {stored.shape}"
+            raise DataError(contents.path, found, "a spectral cube of three axes", _NO_CUBE)
+        return stored
     cubes = [s for s in contents.arrays.values() if s.numeric and len(s.shape) == 3 and s.size]
-    if not cubes:
-        raise _no_cube(contents)
-    named = [s for s in cubes if s.name in MAIN]
-    for narrowed in (named, _sized(cubes, count), [s for s in cubes if _is_known(s)], cubes):
-        if len(narrowed) == 1:
-            return narrowed[0]
-    raise DataError(
-        contents.path,
-        f"{len(cubes)} arrays of three axes ({', '.join(s.name for s in cubes)})",
-        "one",
-        "choose it with variable= (--variable)",
+    likelier = (
+        [s for s in cubes if s.name in MAIN],
+        [s for s in cubes if _stated(s, count) in s.shape],
+        [s for s in cubes if any(find_known(s.name, n) for n in s.shape)],
     )
-
-
-def _sized(cubes: Sequence[Stored], count: int | None) -> list[Stored]:
-    """Those with an axis as long as the given wavelengths, or as their own."""
-    lengths = [count or (len(s.wavelengths) if s.wavelengths is not None else None) for s in cubes]
-    return [s for s, n in zip(cubes, lengths, strict=True) if n is not None and n in s.shape]
-
-
-def _is_known(stored: Stored) -> bool:
-    return any(find_known(stored.name, n) for n in stored.shape)
-
-
-def _no_cube(contents: Contents) -> DataError:
-    numeric = [s for s in contents.arrays.values() if s.numeric]
-    others = ", ".join(f"{s.name} of type {s.dtype}" for s in list(contents.arrays.values())[:6])
-    names = ", ".join(f"{s.name} {s.shape}" for s in numeric[:6]) or others or "nothing numeric"
-    return DataError(
-        contents.path,
-        f"no array of three axes ({names})",
-        "a spectral cube",
-        "read masks and captures with tmca.data.read_array",
-    )
-
-
-def _three_axes(contents: Contents, stored: Stored) -> Stored:
-    if len(stored.shape) != 3 or not stored.size:
-        raise DataError(
-            contents.path,
-            f"variable {stored.name!r} of shape {stored.shape}",
-            "a spectral cube of three axes",
-            "read masks and captures with tmca.data.read_array",
-        )
-    return stored
+    return contents.only(next((few for few in likelier if len(few) == 1), cubes), "array of three axes", _NO_CUBE)
 
 
 def give_wavelengths(arrays: dict[str, Stored]) -> dict[str, Stored]:
@@ -305,10 +261,6 @@ def give_wavelengths(arrays: dict[str, Stored]) -> dict[str, Stored]:
             if metres is not None and len(stored.shape) == 3 and len(metres) in stored.shape:
                 arrays[name] = replace(stored, wavelengths=metres)
     return arrays
-
-
-MAXIMUM = "maximum"
-"""Where the divisor of floats above 1 comes from, if nothing else is known."""
 
 
 def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> tuple[float, str]:
@@ -332,24 +284,18 @@ def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] 
     if stored.full_scale is not None:
         return stored.full_scale, "file"
     known = find_known(stored.name, stored.shape[axis])
-    top = None
-    if known is not None and known.full_scale is not None:
-        top = _maximum(stored, axis, bands)
-        if 1 < top <= known.full_scale:
-            return known.full_scale, known.label
+    if known is not None and known.full_scale and 1 < _maximum(stored, axis, bands) <= known.full_scale:
+        return known.full_scale, known.label
     if stored.dtype.kind in "iu":
         return float(np.iinfo(stored.dtype).max), "integer type"
-    if stored.dtype.kind == "b":
-        return 1.0, "file"
-    top = _maximum(stored, axis, bands) if top is None else top
-    return (top, MAXIMUM) if top > 1 else (1.0, "file")
+    top = 1.0 if stored.dtype.kind == "b" else _maximum(stored, axis, bands)
+    return (top, "maximum") if top > 1 else (1.0, "file")
 
 
 def _maximum(stored: Stored, axis: int, bands: NDArray[Any] | None) -> float:
     """The largest finite value of the whole array, read band by band unless it is in memory."""
-    if bands is not None:
-        return _finite_maximum(bands)
-    return max(_finite_maximum(stored.plane(axis, i)) for i in range(stored.shape[axis]))
+    planes = (stored.plane(axis, i) for i in range(stored.shape[axis])) if bands is None else (bands,)
+    return max(map(_finite_maximum, planes))
 
 
 def _finite_maximum(values: NDArray[Any]) -> float:

@@ -25,14 +25,14 @@ from tmca.data.rendering.surfaces import (
     silhouettes,
     similarity,
 )
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SAMPLES = 3
 """Points per pixel and axis: edges have ten levels of coverage."""
-MOST_VIEWS = 17
+MOST_VIEWS, MOST_DISPARITY = 17, 20
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
 _VALIDATION = ("chelsea",)
 _FINEST = 2.0
@@ -107,16 +107,14 @@ def rendered_light_field(
 
 
 def _check(views: int, disparity: tuple[float, float], size: tuple[int, int] | None) -> None:
-    whole = not isinstance(views, bool) and isinstance(views, (int, np.integer))
-    if not whole or not 1 <= views <= MOST_VIEWS or views % 2 == 0:
-        raise SettingError("views", repr(views), f"an odd number n from 1 to {MOST_VIEWS}, for n×n views")
-    if len(disparity) != 2 or not np.all(np.isfinite(disparity)) or disparity[0] > disparity[1]:
-        raise SettingError("disparity", repr(disparity), "(lowest, highest) in px per view step")
+    check_range("views", views, 1, MOST_VIEWS, whole=True)
+    if views % 2 == 0:
+        raise SettingError("views", str(views), "an odd number n, for n×n views")
+    if len(disparity) != 2 or not -MOST_DISPARITY <= disparity[0] <= disparity[1] <= MOST_DISPARITY:
+        expected = f"(lowest, highest) px per view step, at most {MOST_DISPARITY} either way"
+        raise SettingError("disparity", repr(disparity), expected)
     if size is not None and (len(size) != 2 or min(size) < 16):
         raise SettingError("size", repr(size), "(H, W) of 16 px or more each")
-    extent = max(abs(float(d)) for d in disparity)
-    if extent > 20:
-        raise SettingError("disparity", repr(disparity), "at most 20 px per view step either way")
 
 
 def _staged(

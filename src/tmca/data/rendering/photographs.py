@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from tmca.data.depth_maps import disparity_to_depth
 from tmca.data.formats.rgbd_files import MOTORCYCLE
 from tmca.data.pixels import decoded
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 
 Array = NDArray[np.float32]
 
@@ -83,6 +84,17 @@ def photograph(name: str) -> Photograph:
 def rendered_names() -> tuple[str, ...]:
     """Names of the scenes that :func:`rendered_scene` renders, training scenes first."""
     return tuple(PHOTOGRAPHS)
+
+
+def is_rendered(source: object) -> bool:
+    """Whether this is the name of a rendered scene, and not of a file."""
+    return str(source) in PHOTOGRAPHS and not Path(str(source)).exists()
+
+
+def no_such_scene(source: object) -> DataError:
+    """The error for what is neither a file nor a rendered scene."""
+    expected = f"a path, or one of {', '.join(PHOTOGRAPHS)}"
+    return DataError(source, "no such file, folder or rendered scene", expected, "check the path or the name")
 
 
 def split_rendered() -> dict[str, tuple[str, ...]]:

@@ -56,8 +56,6 @@ def spectral_from_rgb(
         DataError: NaN, or values outside [0, 1].
         SettingError: an unknown illuminant or half, or an impossible seed or list of wavelengths.
     """
-    import xarray as xr
-
     picture, centres = _checked_picture(rgb), checked_wavelengths(wavelengths)
     check_choice("materials", materials, ("train", "test"))
     content = crc32(np.rint(255 * encoded(picture)).astype(np.uint8).tobytes())
@@ -65,18 +63,24 @@ def spectral_from_rgb(
     picture = np.float32(WHITE) * picture
     labels = regions_of(picture, *FINE)
     spectral = spectra_of(picture, labels, materials, generator(content, seed), bands)
-    reflectance, radiance = np.split(spectral.clip(0, 1), 2)
-    dims = ("wavelength", "y", "x")
     about = {"illuminant": illuminant, "white_reflectance": WHITE, "spectra_seed": seed, "materials": materials}
-    return xr.Dataset(
-        {
-            "radiance": (dims, radiance, {"units": "1"}),
-            "reflectance": (dims, reflectance, {"units": "1"}),
-            "illuminant": ("wavelength", light, {"units": "1"}),
-        },
-        {"wavelength": ("wavelength", centres, {"units": "m"})},
-        {**about, "spectra": "made up from RGB: measured reflectances with metameric variation"},
-    )
+    about["spectra"] = "made up from RGB: measured reflectances with metameric variation"
+    return label_spectra(spectral, centres, light, about)
+
+
+def label_spectra(
+    spectral: NDArray[np.float32], wavelengths: NDArray[np.float64], light: NDArray[np.float32], attrs: dict[str, Any]
+) -> xr.Dataset:
+    """Reflectance and radiance ``(2L, H, W)``, wavelengths in metres and light ``(L,)`` as one dataset."""
+    import xarray as xr
+
+    # Rounding of averages may leave [0, 1] by a unit in the last place.
+    reflectance, radiance = np.split(spectral.clip(0, 1), 2)
+    dims, unit = ("wavelength", "y", "x"), {"units": "1"}
+    variables = {"radiance": (dims, radiance, unit), "reflectance": (dims, reflectance, unit)}
+    light_of_bands = ("wavelength", light, unit)
+    coords = {"wavelength": ("wavelength", wavelengths, {"units": "m"})}
+    return xr.Dataset({**variables, "illuminant": light_of_bands}, coords, attrs)
 
 
 def _checked_picture(rgb: xr.DataArray | NDArray[np.float32]) -> NDArray[np.float32]:

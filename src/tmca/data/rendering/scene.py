@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 
 from tmca.data.pixels import area_average, centre_crop, nearest
 from tmca.data.rendering.photographs import WHITE, linear_rgb, motorcycle_depth, photograph, staged_depth
-from tmca.data.rendering.pictures import COARSE, FINE, checked_wavelengths, generator, lit_bands, regions_of, spectra_of
+from tmca.data.rendering.pictures import (
+    COARSE,
+    FINE,
+    checked_wavelengths,
+    generator,
+    label_spectra,
+    lit_bands,
+    regions_of,
+    spectra_of,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,23 +68,18 @@ def rendered_scene(
     spectral, depth = _render(name, seed, crop, bands)
     if size is not None:
         spectral, depth = area_average(spectral, size), nearest(depth, size)
-    # Rounding of the averages may leave [0, 1] by a unit in the last place.
-    reflectance, radiance = np.split(spectral.clip(0, 1), 2)
-    return _dataset(
-        {"radiance": radiance, "reflectance": reflectance, "depth": depth},
-        centres,
-        light,
-        {
-            "name": name,
-            "photograph": f"skimage.data.{entry.source}",
-            "credit": entry.credit,
-            "split": entry.split,
-            "illuminant": light_name,
-            "depth_source": entry.depth,
-            "white_reflectance": WHITE,
-            "seed": seed,
-        },
-    )
+    about = {
+        "name": name,
+        "photograph": f"skimage.data.{entry.source}",
+        "credit": entry.credit,
+        "split": entry.split,
+        "illuminant": light_name,
+        "depth_source": entry.depth,
+        "white_reflectance": WHITE,
+        "seed": seed,
+    }
+    scene = label_spectra(spectral, centres, light, about).assign(depth=(("y", "x"), depth, {"units": "m"}))
+    return scene.assign_coords({axis: (axis, np.arange(scene.sizes[axis]), {"units": "pixel"}) for axis in ("y", "x")})
 
 
 def _render(
@@ -96,24 +100,3 @@ def _render(
 def regions(name: str, scale: float, smallest: int, step: int) -> NDArray[np.intp]:
     """Regions of the photograph; see `regions_of`."""
     return regions_of(linear_rgb(name), scale, smallest, step)
-
-
-def _dataset(
-    variables: dict[str, NDArray[np.float32]],
-    wavelengths: NDArray[np.float64],
-    light: NDArray[np.float32],
-    attributes: dict[str, Any],
-) -> xr.Dataset:
-    import xarray as xr
-
-    dims = ("wavelength", "y", "x")
-    height, width = variables["depth"].shape
-    notes = {"radiance": "1", "reflectance": "1", "depth": "m"}
-    data: dict[str, Any] = {key: (dims[-v.ndim :], v, {"units": notes[key]}) for key, v in variables.items()}
-    data["illuminant"] = ("wavelength", light, {"units": "1"})
-    coordinates = {
-        "wavelength": ("wavelength", wavelengths, {"units": "m"}),
-        "y": ("y", np.arange(height), {"units": "pixel"}),
-        "x": ("x", np.arange(width), {"units": "pixel"}),
-    }
-    return xr.Dataset(data, coordinates, attributes)

@@ -56,48 +56,45 @@ class Relief:
 
 
 @dataclass(frozen=True)
-class Texture:
-    """A photograph laid over the plane by a similarity, mirrored beyond its edges.
+class Laid:
+    """Samples laid over the centre view by a similarity.
 
     Args:
-        coefficients: ``(C, h, w)`` cubic spline coefficients of the photograph.
-        turn: ``(2, 2)`` from px of the centre view to px of the photograph.
-        origin: (y, x) in the photograph of the centre view's (0, 0).
+        samples: ``(..., h, w)``.
+        turn: ``(2, 2)`` from px of the centre view to samples.
+        origin: (y, x) in the samples of the centre view's (0, 0).
     """
 
-    coefficients: NDArray[np.float32]
+    samples: NDArray[np.float32]
     turn: Array
     origin: tuple[float, float]
+
+    def at(self, y: Array, x: Array) -> Array:
+        """``(2, N)`` places in the samples of N positions (y, x)."""
+        return np.stack([self.turn[i, 0] * y + self.turn[i, 1] * x + self.origin[i] for i in (0, 1)])
+
+
+class Texture(Laid):
+    """A photograph's cubic spline coefficients ``(C, h, w)``, mirrored beyond its edges."""
 
     def __call__(self, y: Array, x: Array) -> NDArray[np.float32]:
         """``(C, N)`` values at the N positions (y, x)."""
         from scipy.ndimage import map_coordinates
 
-        at = np.stack([self.turn[i, 0] * y + self.turn[i, 1] * x + self.origin[i] for i in (0, 1)])
-        return np.stack([map_coordinates(c, at, order=3, mode="mirror", prefilter=False) for c in self.coefficients])
+        at = self.at(y, x)
+        return np.stack([map_coordinates(c, at, order=3, mode="mirror", prefilter=False) for c in self.samples])
 
 
-@dataclass(frozen=True)
-class Outline:
-    """What a surface covers: where a smooth field is above 0.
-
-    Args:
-        field: ``(h, w)`` sampled field, positive inside and negative at its own borders.
-        turn: ``(2, 2)`` from px of the centre view to samples of the field.
-        origin: (y, x) in the field of the centre view's (0, 0).
-    """
-
-    field: NDArray[np.float32]
-    turn: Array
-    origin: tuple[float, float]
+class Outline(Laid):
+    """What a surface covers: where a smooth field ``(h, w)``, negative at its own borders, is above 0."""
 
     def __call__(self, y: Array, x: Array) -> NDArray[np.bool_]:
         """Whether each (y, x) is covered."""
         from scipy.ndimage import map_coordinates
 
-        at = np.stack([self.turn[i, 0] * y + self.turn[i, 1] * x + self.origin[i] for i in (0, 1)])
-        covered = np.all([(a >= 0) & (a <= n - 1) for a, n in zip(at, self.field.shape, strict=True)], axis=0)
-        covered[covered] = map_coordinates(self.field, at[:, covered], order=1) > 0
+        at = self.at(y, x)
+        covered = np.all([(a >= 0) & (a <= n - 1) for a, n in zip(at, self.samples.shape, strict=True)], axis=0)
+        covered[covered] = map_coordinates(self.samples, at[:, covered], order=1) > 0
         return np.asarray(covered)
 
 
@@ -129,12 +126,12 @@ def render_view(
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
     rows, columns = ((np.arange(n)[:, None] + offsets).ravel() for n in size)
     y, x = (axis.ravel() for axis in np.meshgrid(rows, columns, indexing="ij"))
-    channels = len(surfaces[0].texture.coefficients)
+    channels = len(surfaces[0].texture.samples)
     at, owner, disparity = _nearest(surfaces, v, u, y, x)
     values = np.empty((channels, y.size), dtype=np.float32)
     for number, surface in enumerate(surfaces):
-        own = owner == number
-        values[:, own] = surface.texture(at[0, own], at[1, own])
+        shown = owner == number
+        values[:, shown] = surface.texture(at[0, shown], at[1, shown])
     blocks = values.reshape(channels, size[0], samples, size[1], samples).mean(axis=(2, 4), dtype=np.float32)
     middle = samples // 2
     centres = disparity.reshape(size[0], samples, size[1], samples)[:, middle, :, middle]
@@ -147,12 +144,12 @@ def _nearest(surfaces: list[Surface], v: float, u: float, y: Array, x: Array) ->
     at, owner = np.empty((2, y.size)), np.zeros(y.size, dtype=np.intp)
     disparity = np.full(y.size, -np.inf)
     for number, surface in enumerate(surfaces):
-        own = np.stack(surface.relief.seen_from(v, u, y, x))
-        depth = surface.relief(own[0], own[1])
+        place = np.stack(surface.relief.seen_from(v, u, y, x))
+        depth = surface.relief(place[0], place[1])
         hit = depth > disparity
         if surface.outline is not None:
-            hit[hit] = surface.outline(own[0, hit], own[1, hit])
-        at[:, hit], owner[hit], disparity[hit] = own[:, hit], number, depth[hit]
+            hit[hit] = surface.outline(place[0, hit], place[1, hit])
+        at[:, hit], owner[hit], disparity[hit] = place[:, hit], number, depth[hit]
     return at, owner, disparity
 
 

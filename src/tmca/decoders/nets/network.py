@@ -59,8 +59,8 @@ class Network(nn.Module):
 
 def settings_of(arguments: dict[str, Any]) -> dict[str, Any]:
     """The settings of a network as JSON values, from the ``locals()`` with which its constructor begins."""
-    own = {name: value for name, value in arguments.items() if name not in ("self", "__class__")}
-    return {name: list(value) if isinstance(value, (list, tuple)) else value for name, value in own.items()}
+    given = {name: value for name, value in arguments.items() if name not in ("self", "__class__")}
+    return {name: list(value) if isinstance(value, (list, tuple)) else value for name, value in given.items()}
 
 
 def gathered(x: Tensor, gather: int, multiple: int) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from torch import Tensor
 
 import tmca
 from tmca.cameras import CAMERAS
+from tmca.codes.files import differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
@@ -28,19 +29,20 @@ if TYPE_CHECKING:
 
 FORMATS = ("tmca weights 1", "tmca weights 2")
 """Of version 0.1, and of this one."""
-SHIPPED = ("static", "multiplexed")
+SHIPPED = {"spectral": ("static", "multiplexed")}
+"""Files that come with the package by kind of camera: for one slot, and for several."""
 FOLDER = Path(tmca.__file__).parent / "weights"
 RENDERED = "rendered"
 """Name of the prior of the rendered scenes, which is in no file beside the weights."""
 _OPTICS = ("disperser", "exposure", "dispersion", "shear")
-"""What a network of a collapsed camera cannot be told."""
+"""What a network of a collapsed camera does not see."""
 _SHOWN = {"aperture", "heights", "shutter", "filters", "cells"}
 _NO_MATTER = {"sensor", "full_scale", "period", "tmca_version"}
 """Attributes that the camera behind a network may have otherwise."""
 
 
 class OtherCodes(UserWarning):
-    """A network that is not told the codes, behind other codes than it was trained for."""
+    """A network that does not see the codes, behind other codes than it was trained for."""
 
 
 @dataclass
@@ -140,7 +142,7 @@ class Weights:
             SettingError, ShapeError: another kind of camera, other bands, views or optics.
 
         Warns:
-            OtherCodes: codes that it was not trained for and is not told.
+            OtherCodes: codes that it was not trained for and does not see.
         """
         self.check_kind(camera.kind)
         if self.wavelengths and not same_bands(self.wavelengths, camera.wavelengths):
@@ -152,12 +154,9 @@ class Weights:
             text = other and f"the network was trained for a camera with other {other} than the snapshot's"
         else:
             self._check_optics(camera)
-            told = getattr(self.network, "codes", True) or self.same_codes(camera)
-            text = (
-                ""
-                if told
-                else f"{self.path or 'weights'}: this network is not told the codes, and was trained for others"
-            )
+            fits = getattr(self.network, "codes", True) or self.same_codes(camera)
+            others = f"{self.path or 'weights'}: this network does not see the codes, and was trained for others"
+            text = "" if fits else others
         if text:
             warn(text, OtherCodes, stacklevel=2)
 
@@ -180,8 +179,9 @@ class Weights:
     def differences(self, camera: Any) -> list[str]:
         """Variables and attributes that a camera has otherwise than the one of the training, size and sensor apart."""
         one, other = self.camera_for(camera.size).variables(), camera.variables()
-        named = [str(name) for name in one.data_vars if name not in other or not _alike(one[name], other[name])]
-        return named + [name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]]
+        return differing(one, other) + [
+            name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]
+        ]
 
     def load_prior(self) -> Any:
         """The prior that the network starts from; None where it needs none.
@@ -252,7 +252,7 @@ class Weights:
 
 def shipped_file(slots: int) -> Path:
     """The weights that come with the package for a camera of as many slots: one, or several."""
-    return FOLDER / f"{SHIPPED[slots > 1]}.safetensors"
+    return FOLDER / f"{SHIPPED['spectral'][slots > 1]}.safetensors"
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
@@ -280,11 +280,6 @@ def _read(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, Tensor]]:
     return path, json.loads(head["tmca"]), tensors
 
 
-def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
-    """Whether two variables of a camera are the same; heights, in metres, to a nanometre."""
-    return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
-
-
 def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
     """A camera's variables of their description (``Dataset.to_dict(data=False)``) and their values."""
     import xarray as xr
@@ -299,14 +294,24 @@ def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.D
 def _of_version_0_1(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
     """The same of a file of version 0.1: arguments of the camera as JSON values, its codes as tensors."""
     kind = about.get("application", "spectral")
-    check_choice("camera", kind, CAMERAS)
+    check_choice("camera", kind, _ARGUMENTS_0_1)
     settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
-    settings |= about["camera"] | ({"bands": about["wavelengths"]} if kind == "spectral" else {})
-    if kind == "spectral-depth":
-        stroke = settings.pop("stroke", None)
-        family = {str(name): settings.pop(name) for name in ("coefficients", "noll", "radii") if name in settings}
-        heights = restored_maps(settings.pop("heights"), family, None if stroke is None else Stroke(**stroke))
-        settings |= {"mask": heights, "channels": settings.pop("response"), "cells": settings["cells"].long()}
-        settings["bench"] = changed_bench(PhaseMaskBench(), settings["bench"])
-    settings["slots"] = len(settings["shutter"])
-    return CAMERAS[kind](**settings).variables(tiled=True)
+    settings = _ARGUMENTS_0_1[kind]({**settings, **about["camera"]}, about)
+    return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
+
+
+def _masks_of_version_0_1(settings: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+    given = {name: value for name, value in settings.items() if name != "slots"}
+    stroke = given.pop("stroke", None)
+    family = {str(name): given.pop(name) for name in ("coefficients", "noll", "radii") if name in given}
+    heights = restored_maps(given.pop("heights"), family, None if stroke is None else Stroke(**stroke))
+    given |= {"mask": heights, "channels": given.pop("response"), "cells": given["cells"].long()}
+    return given | {"bench": changed_bench(PhaseMaskBench(), given["bench"])}
+
+
+_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]]] = {
+    "spectral": lambda settings, about: {**settings, "bands": about["wavelengths"]},
+    "light-field": lambda settings, about: settings,
+    "spectral-depth": _masks_of_version_0_1,
+}
+"""Arguments of the cameras of version 0.1 from what their files hold."""

@@ -37,7 +37,7 @@ _SAID = 4
 
 
 @dataclass(frozen=True)
-class Frame:
+class CaptureFrame:
     """One frame of a capture.
 
     Args:
@@ -51,15 +51,15 @@ class Frame:
     of: str
 
 
-def frames_of(manifest: dict[str, Any], repeats: int = 1) -> list[Frame]:
+def frames_of(manifest: dict[str, Any], repeats: int = 1) -> list[CaptureFrame]:
     """Frames of an export: a dark one, then one a slot, or one exposure of a sensor whose shutter is coded; again for
     every repeat. As many dark ones follow as there are slots, for what they leave is taken from every slot alike."""
     slots = {f"slot_{k:03d}": k for k in range(manifest["slots"])}
     once: dict[str, int | None] = {DARK: None, **({WHOLE: None} if exposed_whole(manifest) else slots)}
     ends = ["", *(f"_r{n}" for n in range(1, repeats))]
-    frames = [Frame(name + end, slot, name) for end in ends for name, slot in once.items()]
+    frames = [CaptureFrame(name + end, slot, name) for end in ends for name, slot in once.items()]
     darks = max(_DARKS, 0 if exposed_whole(manifest) else manifest["slots"])
-    return frames + [Frame(f"{DARK}_r{n}", None, DARK) for n in range(repeats, darks)]
+    return frames + [CaptureFrame(f"{DARK}_r{n}", None, DARK) for n in range(repeats, darks)]
 
 
 def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
@@ -75,36 +75,36 @@ def captured_so_far(folder: Path, export: str | Path) -> dict[str, Any]:
             raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
         of = {EXPORT: checksum_of(Path(export) / NAME), SHOWN: shown_digest(read_manifest(export))}
         return {"export": str(export), **of, "taken_with": {}, "frames": {}}
-    kept = read_captures(folder, whole=False)
-    if not is_of(kept, export):
-        raise OutputError(folder, f"a capture of {kept['export']}", "one of this export", "choose another folder")
-    return kept
+    record = read_captures(folder, whole=False)
+    if not is_of(record, export):
+        raise OutputError(folder, f"a capture of {record['export']}", "one of this export", "choose another folder")
+    return record
 
 
-def is_of(kept: dict[str, Any], export: str | Path) -> bool:
+def is_of(record: dict[str, Any], export: str | Path) -> bool:
     """Whether a capture is of this export, or of one that shows the same; lists of before know the manifest alone."""
     manifest = read_manifest(export)
-    return kept[EXPORT] == checksum_of(Path(export) / NAME) or kept.get(SHOWN) == shown_digest(manifest)
+    return record[EXPORT] == checksum_of(Path(export) / NAME) or record.get(SHOWN) == shown_digest(manifest)
 
 
-def resumed(kept: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
+def resumed(record: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[str, Any]:
     """A list of frames with what they were taken with; frames that were taken otherwise are never joined with others.
 
     Raises:
         OutputError: the folder holds frames of another bench.
     """
-    before = kept["taken_with"] if kept["frames"] else how
+    before = record["taken_with"] if record["frames"] else how
     for name in sorted(before.keys() | how.keys()):
         if before.get(name) != how.get(name):
             found = f"frames of {name} {before.get(name)}"
             raise OutputError(folder, found, f"{name} {how.get(name)}", "choose another folder, or delete this one")
-    return {**kept, "taken_with": how}
+    return {**record, "taken_with": how}
 
 
 def keep(
     values: NDArray[np.integer],
-    frame: Frame,
-    kept: dict[str, Any],
+    frame: CaptureFrame,
+    record: dict[str, Any],
     folder: Path,
     about: Mapping[str, Any] | None = None,
 ) -> None:
@@ -122,12 +122,12 @@ def keep(
     for left in [one for one in folder.iterdir() if _UNDONE.fullmatch(one.name)]:
         left.unlink(missing_ok=True)
     if not (folder / CAPTURES).exists():
-        write_json(kept, folder / CAPTURES)
+        write_json(record, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
         tifffile.imwrite(temporary, values.astype(np.uint16), photometric="minisblack")
     taken = {"sha256": checksum_of(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
-    kept["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **(about or {})}
-    write_json(kept, folder / CAPTURES, overwrite=True)
+    record["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **(about or {})}
+    write_json(record, folder / CAPTURES, overwrite=True)
 
 
 def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
@@ -144,11 +144,11 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
     stated = read_json(file, "what `tmca capture` wrote", "capture it again")
     try:
         there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
-        known = {name: (about["sha256"], about["of"])[0] for name, about in there.items()}
+        checksums = {name: (about["sha256"], about["of"])[0] for name, about in there.items()}
         stated["export"], stated[EXPORT], stated["taken_with"]["gain"], stated["taken_with"]["saturation"]
     except (KeyError, TypeError, AttributeError):
         raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
-    for name, content in known.items():
+    for name, content in checksums.items():
         frame = Path(folder) / f"{name}.tif"
         if not frame.is_file():
             raise DataError(frame, "no such file", f"the frame {name}", "run again what captured it")
@@ -175,21 +175,21 @@ def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...],
     """Raises DataError for a frame of another size than (H, W), or (C, H, W) of a sensor with channels, or one of which
     more than half is saturated."""
     if values.shape not in ((size, size[1:]) if size[0] == 1 else (size,)):
-        found, known = ("×".join(map(str, one)) for one in (values.shape, size if size[0] > 1 else size[1:]))
-        raise DataError(where, f"a frame of {found}", f"{known} pixels", "set the sensor's region to that")
+        found, expected = ("×".join(map(str, one)) for one in (values.shape, size if size[0] > 1 else size[1:]))
+        raise DataError(where, f"a frame of {found}", f"{expected} pixels", "set the sensor's region to that")
     if (share := float((values >= saturation).mean())) > _SATURATED:
         remedy = "open the aperture of the lens less, or expose shorter"
         raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)
 
 
-def warn_of_frames(folder: Path, kept: dict[str, Any]) -> None:
+def warn_of_frames(folder: Path, record: dict[str, Any]) -> None:
     """Warn of frames that are copies, and of those without light."""
-    names, saturation = tuple(kept["frames"]), float(kept["taken_with"]["saturation"])
+    names, saturation = tuple(record["frames"]), float(record["taken_with"]["saturation"])
     values = np.stack([read_tif(folder / f"{name}.tif") for name in names])
     warn_of_copies(Frames(folder, names, values.astype(np.float32), values >= saturation))
     dark = values[names.index(DARK)]
     least = dark.mean() + _SEEN * dark.std() / np.sqrt(dark.size)
-    light = [(name, one) for name, one in zip(names, values, strict=True) if kept["frames"][name]["of"] != DARK]
+    light = [(name, one) for name, one in zip(names, values, strict=True) if record["frames"][name]["of"] != DARK]
     if unlit := [name for name, one in light if one.mean() <= least]:
         line = f"{', '.join(unlit[:_SAID])} no brighter than the dark frame: check lamp, shutter and lens cap"
         warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)

@@ -4,56 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from inspect import signature
 from math import inf, isfinite
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import TIMEOUT_MAX, Thread
-from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import metres_to_nm
 from tmca.errors import DeviceError, SettingError, TmcaError
 from tmca.lab.display.export import Export
-
-Kind = Literal["none", "even", "white", "point"]
-
-
-_WORDS = {"none": "no light", "even": "even light on the sensor", "white": "a white scene", "point": "a point source"}
-
-
-@dataclass(frozen=True)
-class Light:
-    """What is before the camera.
-
-    Args:
-        kind: ``none`` (lens covered), ``even`` (light on the bare sensor, out of focus), ``white`` (a white scene),
-            ``point`` (a point source in the middle of the view, as bright as the sensor bears).
-        wavelength: of the light, metres; all of them without.
-        view: (row, column) from the middle one that alone is open; all without.
-        reflectance: of the white scene, or of the even light as a share of it.
-        exposure: of a frame, as a multiple of the usual one.
-        depth: of the point, metres.
-    """
-
-    kind: Kind
-    wavelength: float | None = None
-    view: tuple[int, int] | None = None
-    reflectance: float = 1.0
-    exposure: float = 1.0
-    depth: float | None = None
-
-    def said(self) -> str:
-        """In words."""
-        words = _WORDS[self.kind]
-        words += "" if self.wavelength is None else f" at {metres_to_nm(self.wavelength):g} nm"
-        words += "" if self.view is None else f", view {self.view[0]}, {self.view[1]} alone open"
-        words += "" if self.depth is None else f", {self.depth:g} m away"
-        return words + ("" if self.exposure == 1 else f", exposed {self.exposure:g} times as long")
+from tmca.lab.light import Light
 
 
 @runtime_checkable
@@ -155,30 +119,30 @@ def find_device(name: str, /, **settings: Any) -> Device:
             none.
         DeviceError: a driver that cannot be loaded, or whose factory fails.
     """
-    known = device_drivers()
-    if name not in known:
-        raise SettingError("--device", repr(name), f"one of {', '.join(known)}", "install the package of its driver")
+    drivers = device_drivers()
+    if name not in drivers:
+        raise SettingError("--device", repr(name), f"one of {', '.join(drivers)}", "install the package of its driver")
     if name in OWN:
         factory = OWN[name].load()
         _check_settings(factory, settings)
-        own: Device = factory(**settings)
-        return own
+        device: Device = factory(**settings)
+        return device
     with answering(name):
-        found = known[name].load()(**settings)
-    if not isinstance(found, Device):
-        raise SettingError("--device", f"{name}: {type(found).__name__}", "load, show, capture and saturation")
-    return found
+        device = drivers[name].load()(**settings)
+    if not isinstance(device, Device):
+        raise SettingError("--device", f"{name}: {type(device).__name__}", "load, show, capture and saturation")
+    return device
 
 
 def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
     """Raises SettingError where a driver of the package lacks a setting, or is given one that it does not have."""
-    known = signature(factory).parameters
+    parameters = signature(factory).parameters
     for name in settings:
-        if name not in known:
+        if name not in parameters:
             raise SettingError(
-                f"--set {name}", "a setting that this device does not have", f"one of {', '.join(known)}"
+                f"--set {name}", "a setting that this device does not have", f"one of {', '.join(parameters)}"
             )
-    for name, parameter in known.items():
+    for name, parameter in parameters.items():
         if parameter.default is parameter.empty and name not in settings:
             raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
 
@@ -194,11 +158,11 @@ def units_of(device: Device, white: float) -> float:
         DeviceError: none that is finite and above 0.
     """
     with answering(device):
-        found = float(getattr(device, "snapshot_units_per_dn", white / saturation_of(device)))
-    if not 0 < found < inf:
-        said = f"snapshot_units_per_dn {found:g}"
+        units = float(getattr(device, "snapshot_units_per_dn", white / saturation_of(device)))
+    if not 0 < units < inf:
+        said = f"snapshot_units_per_dn {units:g}"
         raise DeviceError(f"device {type(device).__name__}", said, "a finite number above 0", "mend it")
-    return found
+    return units
 
 
 def saturation_of(device: Device) -> float:
@@ -208,10 +172,12 @@ def saturation_of(device: Device) -> float:
         DeviceError: none, or one that is not above 0.
     """
     with answering(device):
-        found = float(device.saturation)
-    if not 0 < found < inf:
-        raise DeviceError(f"device {type(device).__name__}", f"saturation at {found:g}", "a number above 0", "mend it")
-    return found
+        saturation = float(device.saturation)
+    if not 0 < saturation < inf:
+        raise DeviceError(
+            f"device {type(device).__name__}", f"saturation at {saturation:g}", "a number above 0", "mend it"
+        )
+    return saturation
 
 
 @contextmanager
@@ -293,14 +259,14 @@ class Calls:
         answer: SimpleQueue[Any] = SimpleQueue()
         self._asked.put((call, answer))
         try:
-            found, error = answer.get(timeout=min(limit, TIMEOUT_MAX))
+            value, error = answer.get(timeout=min(limit, TIMEOUT_MAX))
         except Empty:
             remedy = "see to the device, and run the same command again, or with a longer --timeout"
             said = f"no answer in {limit:g} s"
             raise DeviceError(f"device {type(self.device).__name__}", said, "one", remedy) from None
         if error is not None:
             raise error
-        result: T = found
+        result: T = value
         return result
 
     def _answer(self) -> None:

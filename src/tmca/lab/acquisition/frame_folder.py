@@ -38,15 +38,15 @@ def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) 
     light = [file for file in files if file not in dark]
     once = [frame.name for frame in frames_of(manifest) if frame.of != DARK]
     said = any(_SLOT.search(file.stem) or file.stem.lower().startswith(WHOLE) for file in light)
-    found = _by_number(light, manifest, folder) if said else dict(enumerate(light))
-    if not found or len(found) % len(once):
+    by_place = _by_number(light, manifest, folder) if said else dict(enumerate(light))
+    if not by_place or len(by_place) % len(once):
         expected = f"{len(once)}, or as many again for every repeat"
         raise DataError(folder, f"{len(light)} frames of light", expected, "see docs/devices.md")
-    names = [name + (f"_r{n}" if n else "") for n in range(len(found) // len(once)) for name in once]
-    if gone := [name for n, name in enumerate(names) if n not in found]:
+    names = [name + (f"_r{n}" if n else "") for n in range(len(by_place) // len(once)) for name in once]
+    if gone := [name for n, name in enumerate(names) if n not in by_place]:
         raise DataError(folder, f"no frame of {', '.join(gone[:3])}", f"names such as {_NAMES}", "take or rename it")
     return {DARK + (f"_r{n}" if n else ""): file for n, file in enumerate(dark)} | {
-        name: found[n] for n, name in enumerate(names)
+        name: by_place[n] for n, name in enumerate(names)
     }
 
 
@@ -133,8 +133,8 @@ class FrameFolder:
         Raises:
             DataError: a broken file.
         """
-        found = read_array(self.files[self.name])
-        return found if found.ndim != 3 else np.moveaxis(found[..., :3], -1, 0)
+        frame = read_array(self.files[self.name])
+        return frame if frame.ndim != 3 else np.moveaxis(frame[..., :3], -1, 0)
 
 
 def _largest(file: Path) -> float:
@@ -146,9 +146,9 @@ def _largest(file: Path) -> float:
 
 def _setting(name: str, text: str | float) -> float:
     try:
-        found = float(text)
+        number = float(text)
     except ValueError:
-        found = 0.0
-    if not 0 < found < inf:
+        number = 0.0
+    if not 0 < number < inf:
         raise SettingError(f"--set {name}", repr(text), "a number above 0")
-    return found
+    return number

@@ -18,7 +18,7 @@ from tmca.lab.acquisition.captures import (
     DARK,
     SOURCE,
     WHOLE,
-    Frame,
+    CaptureFrame,
     captured_so_far,
     check_frame,
     frames_of,
@@ -91,25 +91,25 @@ def capture(
         saturation = calls.of(lambda: saturation_of(device))
         units = calls.of(lambda: _units(device, camera, manifest)) if gain is None else gain
         about = {"gain": units, "saturation": saturation, **(bench or {})}
-        kept = resumed(captured_so_far(folder, export), about, folder)
+        record = resumed(captured_so_far(folder, export), about, folder)
         calls.of(lambda: device.load(Export(Path(export), manifest)))
         if isinstance(device, Recorded):
             names = [frame.name for frame in wanted]
-            files, kept["frames"] = calls.of(partial(device.files_of_frames, names)), {}
-            wanted += [Frame(name, None, DARK) for name in files if name not in names]
+            files, record["frames"] = calls.of(partial(device.files_of_frames, names)), {}
+            wanted += [CaptureFrame(name, None, DARK) for name in files if name not in names]
         size = None if camera is None else tuple(camera.snapshot_shape)
         for done, frame in enumerate(wanted):
-            if frame.name not in kept["frames"]:
+            if frame.name not in record["frames"]:
                 values = frame_of(calls, frame.slot, frame.of == WHOLE, frame.name)
                 size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
                 check_frame(values, folder / frame.name, size, saturation)
                 file = files.get(frame.name)
                 source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
-                keep(values, frame, kept, folder, source)
+                keep(values, frame, record, folder, source)
             if progress:
                 progress(done + 1, len(wanted), frame.name)
     if not isinstance(device, SimulatedBench):
-        warn_of_frames(folder, kept)
+        warn_of_frames(folder, record)
     return folder
 
 
@@ -160,15 +160,15 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
         DataError: frames that are missing or changed, of another size than the camera's, or of another export; codes
             that are not the camera's.
     """
-    kept, place = read_captures(folder), Path(folder)
-    if not is_of(kept, export):
-        raise DataError(folder, f"a capture of {kept['export']}", f"one of {export}", "name the export it is of")
+    record, place = read_captures(folder), Path(folder)
+    if not is_of(record, export):
+        raise DataError(folder, f"a capture of {record['export']}", f"one of {export}", "name the export it is of")
     check_camera(export, camera)
-    manifest, how = read_manifest(export), kept["taken_with"]
+    manifest, how = read_manifest(export), record["taken_with"]
     wanted = frames_of(manifest)
-    if missing := [frame.name for frame in wanted if frame.name not in kept["frames"]]:
+    if missing := [frame.name for frame in wanted if frame.name not in record["frames"]]:
         raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
-    series = _series(place, kept, camera)
+    series = _series(place, record, camera)
     means = {of: frames.mean(0) for of, frames in series.items()}
     reached = torch.stack([(frames >= float(how["saturation"])).any(1).any(0) for frames in series.values()]).any(0)
     names = [frame.name for frame in wanted if frame.of != DARK]
@@ -188,15 +188,15 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     return Snapshot(values[None].float(), camera, about)
 
 
-def _series(folder: Path, kept: dict[str, Any], camera: Camera) -> dict[str, torch.Tensor]:
+def _series(folder: Path, record: dict[str, Any], camera: Camera) -> dict[str, torch.Tensor]:
     """(R, C, H, W) digital numbers of every frame, with its repeats."""
-    found: dict[str, list[torch.Tensor]] = {}
-    for name, about in kept["frames"].items():
+    series: dict[str, list[torch.Tensor]] = {}
+    for name, about in record["frames"].items():
         values = read_tif(folder / f"{name}.tif").astype(np.float64)
         values = values[None] if values.ndim == 2 else values
         check_size(folder / f"{name}.tif", "a frame", values.shape, camera.snapshot_shape)
-        found.setdefault(about["of"], []).append(torch.from_numpy(values))
-    return {of: torch.stack(frames) for of, frames in found.items()}
+        series.setdefault(about["of"], []).append(torch.from_numpy(values))
+    return {of: torch.stack(frames) for of, frames in series.items()}
 
 
 def _repeats(taken: torch.Tensor, opened: torch.Tensor) -> float:
@@ -236,27 +236,27 @@ def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
 def check_camera(export: str | Path, camera: Camera) -> None:
     """Raises DataError unless an export shows the codes of a camera: else its snapshot would name codes that were not
     shown."""
-    shown, own = read_export(export), planes_of(camera, str(export))
-    known = {plane["plane"]: plane for plane in read_manifest(export)["planes"]}
+    shown, expected = read_export(export), planes_of(camera, str(export))
+    described = {plane["plane"]: plane for plane in read_manifest(export)["planes"]}
     remedy = "name a snapshot of the camera with these codes (--like)"
     if shown.slots != camera.slots:
         raise DataError(export, f"{shown.slots} slots", f"the camera's {camera.slots}", remedy)
-    for name, plane in own.planes.items():
-        if name in known:
-            _check_plane(export, name, device_of(known[name], export), shown, own, remedy)
+    for name, plane in expected.planes.items():
+        if name in described:
+            _check_plane(export, name, device_of(described[name], export), shown, expected, remedy)
         elif name != "shutter" and not torch.equal(plane, plane[:1].expand_as(plane)):
             raise DataError(export, f"no {name}", "one, which changes from slot to slot", "export it to a device too")
 
 
 def _check_plane(
-    export: str | Path, name: str, device: DeviceDescription, shown: Planes, own: Planes, remedy: str
+    export: str | Path, name: str, device: DeviceDescription, shown: Planes, expected: Planes, remedy: str
 ) -> None:
     if device.kind == "deformable-mirror":
         assert shown.modes is not None
-        codes, wanted = shown.modes["coefficients"], torch.from_numpy(terms_of(own, device).rms).float()
+        codes, wanted = shown.modes["coefficients"], torch.from_numpy(terms_of(expected, device).rms).float()
         allowed = _SAME_SURFACE
     else:
-        codes, wanted = shown.planes[name], own.planes[name]
+        codes, wanted = shown.planes[name], expected.planes[name]
         allowed = step_of(device) if device.kind == "lcos" else 0.0
     if codes.shape != wanted.shape:
         size = f"{name} of {tuple(codes.shape)}"

@@ -9,97 +9,19 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
-from tmca.cameras import (
-    Camera,
-    Hardware,
-    LightFieldCamera,
-    SpectralCamera,
-    SpectralDepthCamera,
-    imperfect,
-    moving_scenes,
-)
+from tmca.cameras import Camera, Hardware, imperfect, moving_scenes
+from tmca.cameras.faulty import FaultyCodes, FaultyShutter
 from tmca.cameras.motion import check_displacement
-from tmca.data import metres_to_nm
 from tmca.errors import DeviceError, SettingError
-from tmca.lab.acquisition.drivers import Light
-from tmca.lab.acquisition.shown_camera import of_one_slot, seen_in_frame, showing, sub_exposed
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole, read_export
+from tmca.lab.light import Light
 
-_BRIGHT = 0.8
-"""Of the full scale, that the brightest single wavelength or view reaches."""
-_NEAR = 1e-10
-"""Metres between a wavelength and its band."""
-
-
-def lit_scene(camera: Any, light: Light) -> tuple[Tensor, ...]:
-    """What a camera images: (1, …) of a white surface under a light, one wavelength or view as bright as the sensor
-    bears; (1, L, H, W) of a point and its depth (1, 1, H, W).
-
-    Raises:
-        DeviceError: a camera, wavelength or view that is not simulated.
-    """
-    if light.kind == "point":
-        return _point(camera, light)
-    shares = _shares(camera, light)
-    shape = tuple(camera.scene_shape)
-    share = torch.from_numpy(shares).float().reshape(1, *shares.shape, *(1 for _ in shape[shares.ndim :]))
-    return (share.expand(1, *shape) * light.reflectance * light.exposure,)
-
-
-def _point(camera: Any, light: Light) -> tuple[Tensor, Tensor]:
-    """A point in the middle, in the plane of a depth; its image reaches the same peak in every frame."""
-    _check(isinstance(camera, SpectralDepthCamera), f"a point before a {camera.kind} camera", "a white scene")
-    _check(float(camera.filters.filters.min()) == 1, "a point behind colour filters", "clear ones (--filters clear)")
-    planes = [float(one) for one in camera.planes.metres]
-    nearest = min(planes, key=lambda one: abs(one - (light.depth or 0.0)))
-    known = ", ".join(f"{one:.4g}" for one in planes)
-    _check(abs(nearest - (light.depth or 0.0)) < 1e-4 * nearest, f"a point at {light.depth} m", f"a plane: {known} m")
-    scene = torch.zeros(1, *camera.scene_shape)
-    scene[..., camera.size[0] // 2, camera.size[1] // 2] = torch.from_numpy(_of_bands(camera, light.wavelength)).float()
-    depth = torch.full((1, 1, *camera.size), nearest)
-    return scene * _BRIGHT * camera.white / float(camera.exact(scene, depth).max()), depth
-
-
-def _shares(camera: Any, light: Light) -> NDArray[np.floating[Any]]:
-    """Brightness of every band, or view."""
-    if isinstance(camera, SpectralCamera):
-        _check(light.view is None, "one view", "none of a spectral camera")
-        return _of_bands(camera, light.wavelength)
-    if isinstance(camera, LightFieldCamera):
-        _check(light.wavelength is None, "one wavelength", "none of a light-field camera, which sees white")
-        return _of_views(camera, light.view)
-    _check(False, f"a {camera.kind} camera", "a spectral or light-field one")
-    raise AssertionError
-
-
-def _of_bands(camera: SpectralCamera | SpectralDepthCamera, wavelength: float | None) -> NDArray[np.floating[Any]]:
-    if wavelength is None:
-        return np.ones(len(camera.wavelengths))
-    chosen = np.abs(np.array(camera.wavelengths) - wavelength) < _NEAR
-    bands = ", ".join(f"{metres_to_nm(one):g}" for one in camera.wavelengths)
-    _check(bool(chosen.any()), f"{metres_to_nm(wavelength):g} nm", f"a band of the camera: {bands} nm")
-    response = camera.response.detach()
-    return chosen * _BRIGHT * camera.white / float(response.sum(0).max() if response.ndim == 2 else response.max())
-
-
-def _of_views(camera: LightFieldCamera, view: tuple[int, int] | None) -> NDArray[np.floating[Any]]:
-    shares = np.ones(camera.views)
-    if view is None:
-        return shares
-    row, column = (one + n // 2 for one, n in zip(view, camera.views, strict=True))
-    inside = 0 <= row < camera.views[0] and 0 <= column < camera.views[1]
-    _check(inside, f"view {view[0]}, {view[1]}", f"one of {camera.views[0]}×{camera.views[1]}, from the middle")
-    shares[:] = 0
-    shares[row, column] = _BRIGHT * camera.white / float(camera.response.detach().max())
-    return shares
-
-
-def _check(fine: bool, found: str, expected: str) -> None:
-    if not fine:
-        raise DeviceError("simulated bench", found, expected, "render such frames with `tmca calibrate render`")
+_UNSEEN = 1e-12
+"""Share of a slot below which a pattern is not seen: rounding."""
 
 
 class SimulatedBench:
@@ -178,7 +100,7 @@ class SimulatedBench:
             )
         for scene in self.scene[:1]:
             check_displacement(self.hardware.movement, scene.shape[-2:])
-        self.camera = imperfect(showing(self.known, codes), self.hardware, self.seed, "dark")
+        self.camera = imperfect(lab_camera(self.known).showing(self.known, codes), self.hardware, self.seed, "dark")
         self.loaded = True
 
     def illuminate(self, light: Light) -> None:
@@ -202,8 +124,8 @@ class SimulatedBench:
         with torch.no_grad():
             light = self._seen(whole)
         numbers = (self.black + light / self.gain).round().clamp(0, self.saturation)[0]
-        found = numbers.numpy().astype(np.uint16)
-        return found[0] if len(found) == 1 else found
+        frame = numbers.numpy().astype(np.uint16)
+        return frame[0] if len(frame) == 1 else frame
 
     def _seen(self, whole: bool) -> Tensor:
         """(1, C, H, W) what the sensor reads, snapshot units."""
@@ -212,12 +134,13 @@ class SimulatedBench:
             return self._even(bright)
         if not whole and self.shown is None:
             return self._even(0)
-        shown = None if whole else self.shown
-        seen, shares = seen_in_frame(self.camera, shown or 0, settled=self.light is not None)
-        camera = self.camera if shown is None else of_one_slot(self.camera, seen, shares, self.known.slots)
-        scene = self._moved(None if shown is None else seen) if self.light is None else lit_scene(camera, self.light)
-        found: Tensor = camera(*scene, generator=self._noise())
-        return found
+        shown, camera, patterns = None if whole else self.shown, self.camera, None
+        if shown is not None:
+            patterns, shares = seen_in_frame(camera, shown, settled=self.light is not None)
+            camera = of_one_slot(camera, patterns, shares, self.known.slots)
+        scene = self._moved(patterns) if self.light is None else lab_camera(camera).lit(camera, self.light)
+        recorded: Tensor = camera(*scene, generator=self._noise())
+        return recorded
 
     def _moved(self, seen: list[int] | None) -> tuple[Tensor, ...]:
         """The scene as it is in some slots, in all of them without: (1, n, …) where it moves."""
@@ -237,11 +160,68 @@ class SimulatedBench:
         exposures = self.known.exposures if self.coded else 1
         irradiance = torch.full((1, *self.camera.snapshot_shape), share * self.known.white * exposures)
         sensor = self.camera.sensor if self.coded else sub_exposed(self.camera, self.known.slots)
-        found: Tensor = sensor(irradiance, self.known.white, self._noise(), exposures)
-        return found
+        recorded: Tensor = sensor(irradiance, self.known.white, self._noise(), exposures)
+        return recorded
 
 
 def _black(camera: Camera, top: float) -> int:
     """Digital number of no light below which noise does not fall."""
     level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
     return int(level * top / (1 + level))
+
+
+def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[int], Tensor]:
+    """Patterns that a frame sees which an ordinary camera takes for one slot, and how long.
+
+    Its shutter is open for all pixels while shutter pattern ``slot`` would be shown: late, row after row, while the
+    aperture still turns to its next pattern, as the faults of the camera say.
+
+    Args:
+        camera: on its bench.
+        slot: of the frame.
+        settled: the frame waits for a pattern that stands still.
+
+    Returns:
+        Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
+    """
+    codes = lab_camera(camera).timed_codes(camera)
+    faults = codes.faults if isinstance(codes, FaultyCodes | FaultyShutter) else None
+    if settled or faults is None or not faults.timed:
+        return [slot], torch.ones(1, camera.size[0])
+    shares = faults.overlap[:, slot].T.float()
+    seen = [pattern for pattern, share in enumerate(shares) if float(share.abs().max()) > _UNSEEN] or [slot]
+    return seen, shares[seen]
+
+
+def of_one_slot(camera: Any, patterns: Sequence[int], shares: Tensor, slots: int) -> Any:
+    """The camera in the frame of one slot, one of the ``slots`` of an exposure, its shutter open.
+
+    A slot of an equal exposure lasts the K-th part of it: the sensor collects a K-th of the light, and what it reads is
+    K-fold, so that snapshots of all slots, masked, average to that of the exposure, shot and read noise as they are.
+
+    Args:
+        camera: on its bench.
+        patterns: that the frame sees.
+        shares: (n, H) of a slot that each is seen for, see ``seen_in_frame``.
+        slots: K of the exposure.
+    """
+    parts: dict[str, Any] = {"sensor": sub_exposed(camera, slots), "slots": len(patterns), "exposure": "equal"}
+    # a mean over these patterns is then their sum
+    return lab_camera(camera).opened(camera, patterns, shares * len(patterns), **parts)
+
+
+def sub_exposed(camera: Any, share: int) -> nn.Module:
+    """The camera's sensor in one of the ``share`` exposures that emulate a coded one."""
+    return camera.sensor if camera.exposure == "per-slot" else _SubExposure(camera.sensor, share)
+
+
+class _SubExposure(nn.Module):
+    """A sensor that is exposed for a share of the time and read with as much more gain."""
+
+    def __init__(self, sensor: nn.Module, share: int) -> None:
+        super().__init__()
+        self.sensor, self.share = sensor, share
+
+    def forward(self, irradiance: Tensor, full_scale: float, generator: Any = None, exposures: int = 1) -> Tensor:
+        recorded: Tensor = self.sensor(irradiance / self.share, full_scale, generator, exposures)
+        return recorded * self.share

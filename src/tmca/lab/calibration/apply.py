@@ -9,23 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import Camera, Snapshot
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.dispersion import REGISTERED_AT
-from tmca.lab.calibration.file import Calibration, load_calibration
-from tmca.lab.calibration.measured_cameras import (
-    captured_sensor,
-    columns_of,
-    from_digital_numbers,
-    light_field_camera,
-    measured_sensor,
-    reference_shift,
-    spectral_camera,
-    spectral_depth_camera,
-)
-from tmca.lab.calibration.pattern_image import moved
-from tmca.lab.calibration.registration import nominal_matrix
+from tmca.lab.calibration.file import Calibration, kind_of, load_calibration
+from tmca.lab.calibration.measured_sensor import captured_sensor, from_digital_numbers, measured_sensor
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.devices import DeviceDescription
 from tmca.lab.display.placement import Affine
 from tmca.lab.frames import check_size
@@ -69,12 +59,6 @@ def _measure_again(calibration: Calibration, step: str, found: str, expected: st
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
-_OTHERS = {
-    "spectral": ("shear", "wavefront"),
-    "light-field": ("dispersion", "wavefront"),
-    "spectral-depth": ("shear", "dispersion", "registration", "timing"),
-}
-"""Parts that a kind of camera does not have."""
 
 
 def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] | None = None) -> None:
@@ -89,25 +73,26 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or see
             `tmca.lab.calibration.apply.check_order`.
     """
-    own, said = calibration.about["camera"], notes or {}
-    if own.get("name") and said.get("camera_name") and own["name"] != said["camera_name"]:
-        _refuse(calibration, f"a calibration of camera {own['name']}", f"one of {said['camera_name']}")
+    about, said = calibration.about["camera"], notes or {}
+    if about.get("name") and said.get("camera_name") and about["name"] != said["camera_name"]:
+        _refuse(calibration, f"a calibration of camera {about['name']}", f"one of {said['camera_name']}")
+    lab = lab_camera(camera)
     for part in calibration.parts:
-        if part.rstrip("0123456789") in _OTHERS[camera.kind]:
+        if kind_of(part) in lab.unmeasured:
             _refuse(calibration, f"a calibration with {part}", f"one of a {camera.kind} camera")
     sizes = {"sensor": tuple(camera.snapshot_shape[-2:])}
-    if not isinstance(camera, SpectralDepthCamera):
+    if lab.masked:
         sizes["codes"] = tuple(camera.codes.aperture.size)  # type: ignore[union-attr, arg-type]
     for what, size in sizes.items():
-        if own.get(what):
-            check_size(calibration.where, what, own[what], size, "name the calibration of this camera")
+        if about.get(what):
+            check_size(calibration.where, what, about[what], size, "name the calibration of this camera")
     if old := out_of_date(calibration):
         raise old
     stated, measured = said.get(CODES_DATE), calibration.codes_seen
     if stated is not None and measured is not None and measured < (date := parsed_date(stated)):
         found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
-        known = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
-        raise DataError(calibration.where, found, known, "calibrate again with the device as it is now")
+        expected = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
+        raise DataError(calibration.where, found, expected, "calibrate again with the device as it is now")
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:
@@ -131,14 +116,7 @@ def calibrated(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
             the wavelengths that were measured.
     """
     check_fits(camera, calibration, notes)
-    sensor = measured_sensor(camera, calibration)
-    if isinstance(camera, SpectralCamera):
-        return spectral_camera(camera, calibration, sensor)
-    if isinstance(camera, LightFieldCamera):
-        return light_field_camera(camera, calibration, sensor)
-    if isinstance(camera, SpectralDepthCamera):
-        return spectral_depth_camera(camera, calibration, sensor)
-    raise SettingError("camera", type(camera).__name__, "a spectral, light-field or spectral-depth camera")
+    return lab_camera(camera).calibrated(camera, calibration, measured_sensor(camera, calibration))
 
 
 def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Snapshot[Any]:
@@ -165,18 +143,15 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
         values = from_digital_numbers(values / gain, calibration, white, above_dark=True)
         frames = float(snapshot.notes[AVERAGED])
         camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
-    if isinstance(camera, SpectralCamera):
-        values = columns_of(snapshot.camera, camera).laid(values)
-    if not isinstance(camera, SpectralDepthCamera):
-        values = values * (camera.codes()[1].amax(0) > 0)
+    values = lab_camera(camera).on_camera(values, snapshot.camera, camera)
     notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
 
 
 def _by_frames(snapshot: Snapshot[Any], calibration: Calibration) -> bool:
     """Whether frames of a device were joined, and are measured by this calibration."""
-    known = {GAIN, WHITE, AVERAGED} <= snapshot.notes.keys()
-    return known and all(calibration.part(name) is not None for name in ("dark", "flat"))
+    noted = {GAIN, WHITE, AVERAGED} <= snapshot.notes.keys()
+    return noted and all(calibration.part(name) is not None for name in ("dark", "flat"))
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:
@@ -218,8 +193,8 @@ class CalibratedBench:
         Columns of the sensor that no light reaches are 0.
         """
         values = taken.values
-        if isinstance(self.nominal, SpectralCamera):
-            values = columns_of(self.nominal, self.camera).cut(values, self.nominal.snapshot_shape[2])
+        if self.camera is not self.nominal:
+            values = lab_camera(self.nominal).on_sensor(values, self.nominal, self.camera)
         return Snapshot(values, self.nominal, {**taken.notes, **self.notes})
 
 
@@ -243,14 +218,14 @@ def bench_of(
     date = date_of_codes(codes)
     if calibration is None:
         return CalibratedBench(camera, camera, {CODES_DATE: date or now()})
-    found = load_calibration(calibration)
+    measured = load_calibration(calibration)
     notes = {
-        CODES_DATE: date or (now() if found.codes_seen is None else found.codes_seen.isoformat()),
-        SIMULATED: found.where,
+        CODES_DATE: date or (now() if measured.codes_seen is None else measured.codes_seen.isoformat()),
+        SIMULATED: measured.where,
     }
-    if name := found.about["camera"].get("name"):
+    if name := measured.about["camera"].get("name"):
         notes["camera_name"] = name
-    return CalibratedBench(camera, calibrated(camera, found, notes), notes)
+    return CalibratedBench(camera, calibrated(camera, measured, notes), notes)
 
 
 def registered_affine(source: str | Path, calibration: Calibration, device: DeviceDescription) -> Affine:
@@ -295,9 +270,4 @@ def _drawn(camera: Any, calibration: Calibration) -> Any:
     sensor = calibration.about["camera"].get("sensor")
     if sensor and tuple(sensor) != tuple(camera.snapshot_shape[-2:]):
         check_fits(camera, calibration.without("registration"))
-    if isinstance(camera, SpectralCamera):
-        shift = reference_shift(camera, calibration) - camera.dispersion.origin
-        return moved(np.eye(2, 3), (0.0, shift))
-    if isinstance(camera, LightFieldCamera):
-        return nominal_matrix(camera.mask_size, camera.size, 1 / camera.shear.scale)
-    raise SettingError("--calibration", f"a {camera.kind} camera", "one with a coded aperture")
+    return lab_camera(camera).code_map(camera, calibration)

@@ -54,26 +54,29 @@ def shown_by(mask: Array, contrast_ratio: float) -> Array:
     return mask + (1 - mask) / contrast_ratio
 
 
+def _slots_in_time(slots: int, delay: float, ratio: float) -> tuple[Array, Array]:
+    """Numbers of the slots of aperture and shutter that are on at every instant of the aperture's."""
+    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
+    return np.floor(time), np.floor((time - delay) / ratio)
+
+
 def overlap_in_time(slots: int, delay: float, ratio: float) -> Array:
     """(K, K) share of an aperture slot in which it and a slot of the shutter are on, counted instant by instant."""
-    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
-    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
-    found = [[((aperture == i) & (shutter == j)).mean() * slots for j in range(slots)] for i in range(slots)]
-    return np.array(found)
+    aperture, shutter = _slots_in_time(slots, delay, ratio)
+    shares = [[((aperture == i) & (shutter == j)).mean() * slots for j in range(slots)] for i in range(slots)]
+    return np.array(shares)
 
 
 def time_beside(slots: int, delay: float, ratio: float) -> Array:
     """(K,) share of an aperture slot in which no slot of the shutter is on, counted instant by instant."""
-    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
-    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
+    aperture, shutter = _slots_in_time(slots, delay, ratio)
     beside = (shutter < 0) | (shutter >= slots)
     return np.array([((aperture == i) & beside).mean() * slots for i in range(slots)])
 
 
 def pairs_in_time(slots: int, delay: float, ratio: float, contrast_ratio: float, leakage: float) -> Array:
     """(K, K) light, in whole slots, with slot i of a mask and slot j of a shutter alone open, instant by instant."""
-    time = (np.arange(slots * _INSTANTS) + 0.5) / _INSTANTS
-    aperture, shutter = np.floor(time), np.floor((time - delay) / ratio)
+    aperture, shutter = _slots_in_time(slots, delay, ratio)
     passed = [np.where(aperture == i, 1.0, 1 / contrast_ratio) for i in range(slots)]
     caught = [np.where(shutter == j, 1.0, leakage) for j in range(slots)]
     return np.array([[(one * other).mean() * slots for other in caught] for one in passed])
@@ -296,10 +299,10 @@ def light_field_light(camera: LightFieldCamera, truth: BenchTruth, scene: Array)
     mixed = np.tensordot(together.T, aperture, 1)
     rays = rays_of(camera.size, _RAYS)
     places = [(v - camera.views[0] // 2, u - camera.views[1] // 2) for v, u in np.ndindex(*camera.views)]
-    share, found = truth.view_light(np.array(places)), np.zeros(camera.size)
+    share, light = truth.view_light(np.array(places)), np.zeros(camera.size)
     for (v, u), weight in zip(places, share, strict=True):
         met = rays + (truth.step * (v, u))[:, None, None]
         codes = on_pixels(looked_up(mixed, through(truth.matrix, met)), _RAYS, truth.blur)
         view = scene[v + camera.views[0] // 2, u + camera.views[1] // 2]
-        found += weight * view * (shutter * codes).sum(axis=0) / camera.slots
-    return found / share.sum()
+        light += weight * view * (shutter * codes).sum(axis=0) / camera.slots
+    return light / share.sum()

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from tmca.data import atomic_path
 from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import read_captures as captures_of_bench
-from tmca.lab.calibration.file import Calibration
 from tmca.lab.frames import Array, Frames, check_size, read_frames, warn_of_copies, write_frames
 from tmca.lab.notes import CAPTURES
 
@@ -93,15 +92,15 @@ def read_captures(
         DataError: no frames, another size, frames that are missing or changed, or one more than a hundredth of which is
             saturated.
     """
-    kept = taken_with(path)
-    frames = read_frames(path, kept.get("saturation") if saturation is None else saturation)
+    about = taken_with(path)
+    frames = read_frames(path, about.get("saturation") if saturation is None else saturation)
     if sensor is not None:
         check_size(path, "frames", frames.values.shape[1:], sensor, "use the sensor that was calibrated before")
     share = frames.saturated.mean(axis=(1, 2))
     if not may_saturate and share.max() > _SATURATED:
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
-    if kept.get("driver") != "simulated":
+    if about.get("driver") != "simulated":
         warn_of_copies(frames)
     return frames
 
@@ -113,37 +112,7 @@ def taken_with(path: str | Path) -> dict[str, Any]:
 
 def averaged(values: ArrayLike, keys: Sequence[tuple[float, ...]]) -> tuple[Array, list[tuple[float, ...]]]:
     """Mean of the frames of every key, and the keys in ascending order."""
-    distinct, own = np.unique(np.array(keys), axis=0, return_inverse=True)
+    distinct, index = np.unique(np.array(keys), axis=0, return_inverse=True)
     frames = np.asarray(values, dtype=np.float64)
-    means = np.stack([frames[own.ravel() == k].mean(axis=0) for k in range(len(distinct))])
+    means = np.stack([frames[index.ravel() == k].mean(axis=0) for k in range(len(distinct))])
     return means, [tuple(key) for key in distinct.tolist()]
-
-
-def corrected(values: ArrayLike, calibration: Calibration) -> Array:
-    """Frames (…, H, W) without dark, over the flat field, defects replaced by the median of their neighbours; steps
-    that were not measured are left out."""
-    dark, flat = calibration.part("dark"), calibration.part("flat")
-    light = np.asarray(values, dtype=np.float64)
-    if dark is not None:
-        light = light - dark.mean
-    if flat is not None:
-        light = light / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
-    bad = defects(calibration)
-    return light if bad is None or not bad.any() else _mended(light, bad)
-
-
-def defects(calibration: Calibration) -> np.ndarray | None:
-    """(H, W) hot and dead pixels; None without dark and flat."""
-    known = [part.defects > 0 for part in map(calibration.part, ("dark", "flat")) if part is not None]
-    return np.asarray(np.logical_or.reduce(known)) if known else None
-
-
-def _mended(values: Array, bad: np.ndarray) -> Array:
-    mended = values.copy()
-    border = [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)]
-    padded = np.pad(np.where(bad, np.nan, values), border, constant_values=np.nan)
-    for y, x in np.argwhere(bad):
-        around = padded[..., y : y + 3, x : x + 3].reshape(*values.shape[:-2], 9)
-        with np.errstate(all="ignore"):
-            mended[..., y, x] = np.nan_to_num(np.nanmedian(around, axis=-1))
-    return mended

@@ -12,7 +12,7 @@ import torch
 
 from tmca.cameras import Camera
 from tmca.data import make_folder, metres_to_nm
-from tmca.errors import DataError, OutputError, SettingError
+from tmca.errors import DataError, OutputError, SettingError, check_choice
 from tmca.lab.acquisition.captures import captured_so_far, check_frame, keep, resumed
 from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, saturation_of
 from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
@@ -30,9 +30,7 @@ def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) 
     Raises:
         SettingError: a step that this camera does not have, or needs a wavelength.
     """
-    known = steps_of(camera, manifest)
-    if step not in known:
-        raise SettingError("step", repr(step), f"one of this camera behind these devices: {', '.join(known)}")
+    check_choice("step", step, steps_of(camera, manifest))
     slot = int(step.removeprefix("psf")) if step.startswith("psf") else 0
     return list(step_of(step).acquire(camera, manifest, asked, slot))
 
@@ -89,9 +87,9 @@ def capture_step(
     with calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: saturation_of(device))
         about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, asked)}
-        kept = resumed(captured_so_far(folder, export), about, folder)
+        record = resumed(captured_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
-            if shot.name not in kept["frames"]:
+            if shot.name not in record["frames"]:
                 if shot.shown != loaded:
                     calls.of(partial(device.load, shown.export(shot.shown)))
                     loaded = shot.shown
@@ -102,7 +100,10 @@ def capture_step(
                 check_frame(values, folder / shot.name, tuple(camera.snapshot_shape), most)
                 # of a sensor with channels their mean, as colours are read
                 keep(
-                    values if values.ndim == 2 else np.rint(values.mean(0)).astype(np.uint16), shot.frame, kept, folder
+                    values if values.ndim == 2 else np.rint(values.mean(0)).astype(np.uint16),
+                    shot.frame,
+                    record,
+                    folder,
                 )
             if progress:
                 progress(done + 1, len(shots), shot.name)
@@ -165,13 +166,13 @@ class ShownCodes:
 
     def _patterns(self) -> dict[str, torch.Tensor]:
         size, place = self.placed["aperture"][1].code, self.folder / "patterns"
-        own = calibration_patterns(size, self.asked.count)
+        patterns = calibration_patterns(size, self.asked.count)
         if not place.exists():
             make_folder(self.folder)
             write_patterns(place, size, self.asked.count)
-        if not np.array_equal(read_patterns(place), own):
+        if not np.array_equal(read_patterns(place), patterns):
             raise OutputError(place, "other patterns", "those of this calibration", "choose another folder")
-        return {"aperture": torch.from_numpy(own).float()}
+        return {"aperture": torch.from_numpy(patterns).float()}
 
     def _slots(self, name: str) -> dict[str, torch.Tensor]:
         """All open in every slot, or in one slot of each plane."""

@@ -105,8 +105,8 @@ class MeasuredDispersion:
         slack = 0.05 * (high - low) + 1e-12
         if asked.size and (asked.min() < low - slack or asked.max() > high + slack):
             found = f"bands from {asked.min() * 1e9:g} to {asked.max() * 1e9:g} nm"
-            known = f"those measured, {low * 1e9:g} to {high * 1e9:g} nm"
-            raise SettingError("measured dispersion", found, known, "measure the dispersion over all bands")
+            expected = f"those measured, {low * 1e9:g} to {high * 1e9:g} nm"
+            raise SettingError("measured dispersion", found, expected, "measure the dispersion over all bands")
 
 
 def measure_dispersion(
@@ -180,9 +180,9 @@ def _curve(metres: Array, shifts: Array, std: Array, curve: Curve, order: int) -
     if curve == "measured":
         return np.zeros((0, 2)), np.full(2, np.nan)
     terms = _terms(metres, metres, curve, order)
-    found = np.empty((order + 1, 2))
+    coefficients = np.empty((order + 1, 2))
     for axis in (0, 1):
         weight = 1 / np.hypot(std[:, axis], 1e-3)
-        found[:, axis] = np.linalg.lstsq(terms * weight[:, None], shifts[:, axis] * weight, rcond=None)[0]
-    left = np.sqrt(((shifts - terms @ found) ** 2).mean(axis=0))
-    return found, left if order + 1 < len(metres) else np.full(2, np.nan)
+        coefficients[:, axis] = np.linalg.lstsq(terms * weight[:, None], shifts[:, axis] * weight, rcond=None)[0]
+    left = np.sqrt(((shifts - terms @ coefficients) ** 2).mean(axis=0))
+    return coefficients, left if order + 1 < len(metres) else np.full(2, np.nan)

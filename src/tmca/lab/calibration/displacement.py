@@ -68,13 +68,13 @@ def displacement_of(
     place = np.array([*_coarse(values, shown, registration), max(registration.blur, _LEAST_BLUR)])
     for level, samples in _LEVELS:
         where = _inside(shown, registration, place)
-        found = _fitted(values, shown, registration, place, level, samples, where)
-        place = np.asarray(found.x)
+        fit = _fitted(values, shown, registration, place, level, samples, where)
+        place = np.asarray(fit.x)
     light, residual = _light(values, shown, registration, place)
     if not light > 0 or residual > LARGEST_RESIDUAL:
         what = f"a pattern that is not seen (a fit leaves {min(residual, 1):.0%} of its light or more)"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", "check the light and which pattern was shown")
-    return Displacement(place[:2], _std(found, _LEVELS[-1][0], where), light, residual)
+    return Displacement(place[:2], _std(fit, _LEVELS[-1][0], where), light, residual)
 
 
 def _coarse(values: Array, shown: Array, registration: Registration) -> Array:
@@ -82,8 +82,10 @@ def _coarse(values: Array, shown: Array, registration: Registration) -> Array:
     from scipy.ndimage import gaussian_filter
 
     seen = seen_patterns(shown[None], registration.matrix, registration.sensor, samples=1)[0]
-    own, other = (gaussian_filter(image, _BLUR) - gaussian_filter(image, 6 * _BLUR) for image in (values, seen))
-    return whole_shift(own, other)
+    captured, predicted = (
+        gaussian_filter(image, _BLUR) - gaussian_filter(image, 6 * _BLUR) for image in (values, seen)
+    )
+    return whole_shift(captured, predicted)
 
 
 def _inside(shown: Array, registration: Registration, place: Array) -> np.ndarray:
@@ -125,8 +127,8 @@ def _projected(values: Array, seen: Array, level: float = 0.0, where: np.ndarray
     blurred = gaussian_filter(planes, (0, level, level)) if level else planes
     *parts, target = blurred.reshape(8, -1) if where is None else blurred[:, where]
     terms = np.stack(parts, axis=1)
-    found = np.linalg.solve(terms.T @ terms + 1e-9 * np.eye(7), terms.T @ target)
-    return target - terms @ found, np.tensordot(found[:6], smooth, 1)
+    coefficients = np.linalg.solve(terms.T @ terms + 1e-9 * np.eye(7), terms.T @ target)
+    return target - terms @ coefficients, np.tensordot(coefficients[:6], smooth, 1)
 
 
 def _light(values: Array, shown: Array, registration: Registration, place: Array) -> tuple[float, float]:
@@ -139,16 +141,16 @@ def _light(values: Array, shown: Array, registration: Registration, place: Array
     return mean, float(np.sqrt((left**2).mean())) / max(mean, 1e-12)
 
 
-def _std(found: Any, level: float, where: np.ndarray) -> Array:
+def _std(fit: Any, level: float, where: np.ndarray) -> Array:
     """(2,) of the shift, by independent noise of pixels, of which the blur left neighbours alike."""
     from scipy.ndimage import gaussian_filter
 
-    freedom = max(1, found.fun.size - 10)
-    noise = float((found.fun**2).sum()) / freedom * 4 * np.pi * level**2
-    slopes = np.zeros((found.jac.shape[1], *where.shape))
-    slopes[:, where] = found.jac.T
+    freedom = max(1, fit.fun.size - 10)
+    noise = float((fit.fun**2).sum()) / freedom * 4 * np.pi * level**2
+    slopes = np.zeros((fit.jac.shape[1], *where.shape))
+    slopes[:, where] = fit.jac.T
     seen = gaussian_filter(slopes, (0, level, level)).reshape(len(slopes), -1)
-    back = np.linalg.pinv(found.jac.T @ found.jac)
+    back = np.linalg.pinv(fit.jac.T @ fit.jac)
     return np.asarray(np.sqrt(np.diag(back @ (seen @ seen.T) @ back)[:2] * noise))
 
 
@@ -185,12 +187,12 @@ class MeasuredShear:
 
     def vignetting(self, views: tuple[int, int]) -> Array:
         """(V, U) light of every view, ones where a view was not captured."""
-        found = np.ones(views)
+        light = np.ones(views)
         for (v, u), share in zip(self.places, self.light, strict=True):
             row, column = int(v) + views[0] // 2, int(u) + views[1] // 2
             if 0 <= row < views[0] and 0 <= column < views[1]:
-                found[row, column] = share
-        return found
+                light[row, column] = share
+        return light
 
 
 def measure_shear(
@@ -223,13 +225,13 @@ def measure_shear(
     ]
     shifts = np.stack([one.shift for one in each])
     terms = np.column_stack([np.ones(len(views)), views])
-    found = np.linalg.lstsq(terms, shifts, rcond=None)[0]
-    left = shifts - terms @ found
+    coefficients = np.linalg.lstsq(terms, shifts, rcond=None)[0]
+    left = shifts - terms @ coefficients
     residual = float(np.sqrt((left**2).mean()))
     if residual > LARGEST_SHEAR_RESIDUAL:
         what = f"shifts of which a linear fit leaves {residual:.3g} pixels"
         raise DataError(source, what, f"{LARGEST_SHEAR_RESIDUAL:g} at most", "check which view each capture had open")
-    step, cross = -np.diag(found[1:]), -np.array([found[2, 0], found[1, 1]])
+    step, cross = -np.diag(coefficients[1:]), -np.array([coefficients[2, 0], coefficients[1, 1]])
     std = np.sqrt(np.diag(np.linalg.pinv(terms.T @ terms))[1:] * (left**2).sum(axis=0) / max(1, len(views) - 3))
     light = np.array([one.light for one in each])
     return MeasuredShear(views, shifts, step, std, cross, residual, light / light.max())

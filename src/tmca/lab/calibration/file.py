@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
 from tmca.errors import DataError
@@ -21,9 +22,9 @@ from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
-from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
+from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity, corrected, defects
 from tmca.lab.calibration.timing import Timing
-from tmca.lab.frames import check_size
+from tmca.lab.frames import Array, check_size
 from tmca.lab.notes import date_of_frames, parsed_date
 
 if TYPE_CHECKING:
@@ -103,6 +104,14 @@ class Calibration:
         """The part of this name, None if it was not measured."""
         return self.parts.get(name)
 
+    def corrected(self, values: ArrayLike) -> Array:
+        """Frames (…, H, W) without dark, over the flat field, defects mended, as far as these were measured."""
+        return corrected(values, self.part("dark"), self.part("flat"))
+
+    def defects(self) -> NDArray[np.bool_] | None:
+        """(H, W) hot and dead pixels; None where neither dark nor flat was measured."""
+        return defects(self.part("dark"), self.part("flat"))
+
     def settings(self, name: str) -> Mapping[str, Any]:
         """Of the step that measured a part, none where it was not measured."""
         return dict(self.about["steps"].get(name, {}).get("settings", {}))
@@ -121,8 +130,8 @@ class Calibration:
     @property
     def codes_seen(self) -> datetime | None:
         """When the oldest step was measured that shows codes or masks; when it was written where there is none."""
-        own = [about for name, about in self.about["steps"].items() if kind_of(name) not in _SENSOR_ALONE]
-        return min((parsed_date(about["measured"], self.where) for about in own), default=self.created)
+        steps = [about for name, about in self.about["steps"].items() if kind_of(name) not in _SENSOR_ALONE]
+        return min((parsed_date(about["measured"], self.where) for about in steps), default=self.created)
 
     def with_part(
         self,

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.cameras import Snapshot
 from tmca.data import nm_to_metres
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.captures import averaged, corrected, read_captures, read_patterns, taken_with
+from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
 from tmca.lab.calibration.dispersion import REGISTERED_AT, Curve, measure_dispersion
 from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
@@ -31,8 +31,8 @@ EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
 
 
 @dataclass(frozen=True)
-class Told:
-    """What frames do not say themselves; where None, what the bench kept with them, or the default.
+class StepSettings:
+    """What frames do not say themselves; where None, what the bench noted with them, or the default.
 
     Args:
         patterns: folder of those that were shown.
@@ -72,31 +72,34 @@ class Captured:
     frames: Frames
     path: Path
     calibration: Calibration
-    told: Told
+    given: StepSettings
 
-    def known(self, name: str) -> Any:
-        """What was told, else what the bench kept with the frames."""
-        given = getattr(self.told, name)
-        return taken_with(self.path).get(name) if given is None else given
+    def setting(self, name: str) -> Any:
+        """What was given, else what the bench noted with the frames."""
+        value = getattr(self.given, name)
+        return taken_with(self.path).get(name) if value is None else value
 
     def corrected(self) -> Array:
         """(N, H, W) light of all frames."""
-        return corrected(self.frames.values, self.calibration)
+        return self.calibration.corrected(self.frames.values)
 
     def by_name(self, pattern: re.Pattern[str], example: str) -> tuple[Array, list[tuple[float, ...]]]:
         """Light of the frames, those of one name averaged, and the numbers in their names, ascending."""
         values, keys = averaged(self.frames.values, named(self.frames, pattern, example))
-        return corrected(values, self.calibration), keys
+        return self.calibration.corrected(values), keys
 
     def patterns(self) -> Array:
         """(P, h, w) that were shown."""
-        if self.told.patterns is None:
+        if self.given.patterns is None:
             raise SettingError("--patterns", "none", "the folder of those that were shown")
-        return read_patterns(self.told.patterns, self.told.device)
+        return read_patterns(self.given.patterns, self.given.device)
 
     def pattern(self) -> tuple[int, Array]:
         """Number and (h, w) of the pattern that was shown, of the size that was registered."""
-        index, shown = self.known("pattern"), read_patterns(self.told.patterns or "", self.part("registration").codes)
+        shown, index = (
+            read_patterns(self.given.patterns or "", self.part("registration").codes),
+            self.setting("pattern"),
+        )
         index = 3 if index is None else int(index)
         if not 0 <= index < len(shown):
             raise SettingError("pattern", str(index), f"0 to {len(shown) - 1}")
@@ -129,41 +132,41 @@ class Fitted:
 
 
 def dark(seen: Captured) -> dict[str, Fitted]:
-    found, top = measure_dark(seen.frames.values, source=seen.path), seen.frames.top
+    field, top = measure_dark(seen.frames.values, source=seen.path), seen.frames.top
     residuals = {
-        "offset_dn": float(found.mean.mean()),
-        "read_noise_dn": found.noise,
-        "hot_pixels": float((found.defects > 0).sum()),
-        "frames": float(found.frames),
-        "level_of_saturation": float(np.median(found.mean)) / top,
-        "noise_of_saturation": float(np.sqrt((found.read_noise**2).mean())) / top,
-        "drift_of_noise": found.drift,
+        "offset_dn": float(field.mean.mean()),
+        "read_noise_dn": field.noise,
+        "hot_pixels": float((field.defects > 0).sum()),
+        "frames": float(field.frames),
+        "level_of_saturation": float(np.median(field.mean)) / top,
+        "noise_of_saturation": float(np.sqrt((field.read_noise**2).mean())) / top,
+        "drift_of_noise": field.drift,
     }
-    return {"dark": Fitted(found, residuals)}
+    return {"dark": Fitted(field, residuals)}
 
 
 def flat(seen: Captured) -> dict[str, Fitted]:
-    dark, told = seen.part("dark"), seen.told
-    reflectance = 1.0 if told.reflectance is None else told.reflectance
+    dark, given = seen.part("dark"), seen.given
+    reflectance = 1.0 if given.reflectance is None else given.reflectance
     if not 0 < reflectance <= 1:
         raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
-    found = measure_flat(seen.frames.values, dark, source=seen.path)
-    level, changes = found.level, found.std * np.sqrt(found.frames)
-    if told.white is not None:
-        level, white = _white(told.white, seen.calibration.with_part("flat", found, {}), told.saturation)
+    field = measure_flat(seen.frames.values, dark, source=seen.path)
+    level, changes = field.level, field.std * np.sqrt(field.frames)
+    if given.white is not None:
+        level, white = _white(given.white, seen.calibration.with_part("flat", field, {}), given.saturation)
         changes = max(changes, white)
     level /= reflectance
     residuals = {
-        "level_dn": found.level,
-        "nonuniformity": found.nonuniformity,
-        "std": found.std,
-        "dead_pixels": float((found.defects > 0).sum()),
-        "dead_share": float((found.defects > 0).mean()),
+        "level_dn": field.level,
+        "nonuniformity": field.nonuniformity,
+        "std": field.std,
+        "dead_pixels": float((field.defects > 0).sum()),
+        "dead_share": float((field.defects > 0).mean()),
         "change_from_frame_to_frame": float(changes),
         "white_level_dn": level,
         "white_level_of_saturation": level / (seen.frames.top - float(np.median(dark.mean))),
     }
-    return {"flat": Fitted(found, residuals, {"white_level": level, "reflectance": reflectance}, [told.white])}
+    return {"flat": Fitted(field, residuals, {"white_level": level, "reflectance": reflectance}, [given.white])}
 
 
 def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> tuple[float, float]:
@@ -171,7 +174,7 @@ def _white(path: str | Path, calibration: Calibration, saturation: float | None)
     of a pixel as a share of it."""
     frames = read_captures(path, saturation=saturation, sensor=calibration.about["camera"]["sensor"])
     rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[1:])
-    values = corrected(frames.values, calibration)[:, rows, columns]
+    values = calibration.corrected(frames.values)[:, rows, columns]
     level = float(np.median(values.mean(axis=0)))
     if level < 10 * calibration.part("dark").noise:
         raise DataError(path, f"white of {level:.3g} above the dark", "ten times its noise", "give more light")
@@ -201,26 +204,25 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
 
 
 def registration(seen: Captured) -> dict[str, Fitted]:
-    shown, told, wave = seen.patterns(), seen.told, seen.told.wavelength
-    if wave is None and (kept := taken_with(seen.path).get("wavelength_nm")) is not None:
-        wave = float(nm_to_metres(kept))
+    shown, given, wave = seen.patterns(), seen.given, seen.given.wavelength
+    if wave is None and (noted := taken_with(seen.path).get("wavelength_nm")) is not None:
+        wave = float(nm_to_metres(noted))
     above_dark = seen.part("dark") is not None
-    found = register(
-        seen.corrected(), shown, scale=told.scale, wavelength=wave, above_dark=above_dark, source=seen.path
+    registered = register(
+        seen.corrected(), shown, scale=given.scale, wavelength=wave, above_dark=above_dark, source=seen.path
     )
     residuals = {
-        "residual_of_contrast": found.residual,
-        "corner_std_pixels": found.edge_std,
-        "blur_pixels": found.blur,
-        "mirrored": float(np.linalg.det(found.matrix[:, :2]) < 0),
-        "scale": found.scale,
-        "turn_degrees": float(np.rad2deg(np.arctan2(found.matrix[1, 0], found.matrix[0, 0]))),
+        "residual_of_contrast": registered.residual,
+        "corner_std_pixels": registered.edge_std,
+        "blur_pixels": registered.blur,
+        "mirrored": float(np.linalg.det(registered.matrix[:, :2]) < 0),
+        "scale": registered.scale,
+        "turn_degrees": float(np.rad2deg(np.arctan2(registered.matrix[1, 0], registered.matrix[0, 0]))),
     }
-    if found.leakage is not None and found.leakage_std is not None:
-        leaks = {"contrast_ratio": found.contrast_ratio, "leakage": found.leakage, "leakage_std": found.leakage_std}
-        residuals |= leaks
-    settings = {"wavelength_m": wave, "scale": told.scale}
-    return {"registration": Fitted(found, residuals, settings, [told.patterns], found.codes)}
+    if registered.leakage is not None and registered.leakage_std is not None:
+        residuals |= {name: getattr(registered, name) for name in ("contrast_ratio", "leakage", "leakage_std")}
+    settings = {"wavelength_m": wave, "scale": given.scale}
+    return {"registration": Fitted(registered, residuals, settings, [given.patterns], registered.codes)}
 
 
 def timing(seen: Captured) -> dict[str, Fitted]:
@@ -262,55 +264,55 @@ def _pair_levels(seen: Captured) -> Array:
 def dispersion(seen: Captured) -> dict[str, Fitted]:
     from tmca.lab.ground_truth.spectra import read_spectra
 
-    registration, told = seen.part("registration"), seen.told
+    registration, given = seen.part("registration"), seen.given
     light, keys = seen.by_name(WAVE, "band_450nm")
     nm = np.array([key[0] for key in keys])
-    power = None if told.power is None else np.asarray(read_spectra(told.power).at(nm)[0], dtype=np.float64)
+    power = None if given.power is None else np.asarray(read_spectra(given.power).at(nm)[0], dtype=np.float64)
     index, shown = seen.pattern()
-    found = measure_dispersion(
-        light, np.asarray(nm_to_metres(nm)), shown, registration, power=power, curve=told.curve, order=told.order,
+    measured = measure_dispersion(
+        light, np.asarray(nm_to_metres(nm)), shown, registration, power=power, curve=given.curve, order=given.order,
         source=seen.path,
     )  # fmt: skip
-    bends = told.curve == "polynomial"
+    bends = given.curve == "polynomial"
     residuals = {
-        "x_residual_pixels": float(found.residual[1]),
-        "y_residual_pixels": float(found.residual[0]),
-        "largest_std_pixels": float(found.std.max()),
-        "span_pixels": float(np.ptp(found.shifts[:, 1])),
-        "y_span_pixels": float(np.ptp(found.shifts[:, 0])),
-        "largest_misfit": float(found.misfit.max()),
-        "turning_back_pixels": 0.0 if bends else found.turning_back(),
-        "red_beyond_blue_pixels": 0.0 if bends else found.red_beyond_blue(),
-        "off_registration_pixels": found.off_reference(registration.wavelength),
+        "x_residual_pixels": float(measured.residual[1]),
+        "y_residual_pixels": float(measured.residual[0]),
+        "largest_std_pixels": float(measured.std.max()),
+        "span_pixels": float(np.ptp(measured.shifts[:, 1])),
+        "y_span_pixels": float(np.ptp(measured.shifts[:, 0])),
+        "largest_misfit": float(measured.misfit.max()),
+        "turning_back_pixels": 0.0 if bends else measured.turning_back(),
+        "red_beyond_blue_pixels": 0.0 if bends else measured.red_beyond_blue(),
+        "off_registration_pixels": measured.off_reference(registration.wavelength),
     }
-    settings = {"pattern": index, "curve": told.curve, "order": told.order, REGISTERED_AT: registration.wavelength}
-    return {"dispersion": Fitted(found, residuals, settings, [told.patterns, told.power])}
+    settings = {"pattern": index, "curve": given.curve, "order": given.order, REGISTERED_AT: registration.wavelength}
+    return {"dispersion": Fitted(measured, residuals, settings, [given.patterns, given.power])}
 
 
 def shear(seen: Captured) -> dict[str, Fitted]:
     light, keys = seen.by_name(VIEW, "view_-1_2")
     index, shown = seen.pattern()
     places = [(int(v), int(u)) for v, u in keys]
-    found = measure_shear(light, places, shown, seen.part("registration"), source=seen.path)
+    measured = measure_shear(light, places, shown, seen.part("registration"), source=seen.path)
     residuals = {
-        "residual_pixels": found.residual,
-        "y_pixels_per_view": float(found.step[0]),
-        "x_pixels_per_view": float(found.step[1]),
-        "largest_std_pixels_per_view": float(found.std.max()),
-        "largest_cross_term": float(np.abs(found.cross).max()),
-        "along_the_other_axis": found.turned(),
-        "backwards": float((found.step < 0).any()),
+        "residual_pixels": measured.residual,
+        "y_pixels_per_view": float(measured.step[0]),
+        "x_pixels_per_view": float(measured.step[1]),
+        "largest_std_pixels_per_view": float(measured.std.max()),
+        "largest_cross_term": float(np.abs(measured.cross).max()),
+        "along_the_other_axis": measured.turned(),
+        "backwards": float((measured.step < 0).any()),
     }
-    return {"shear": Fitted(found, residuals, {"pattern": index}, [seen.told.patterns])}
+    return {"shear": Fitted(measured, residuals, {"pattern": index}, [seen.given.patterns])}
 
 
 def psf(seen: Captured) -> dict[str, Fitted]:
-    slot = seen.told.slot
-    if seen.told.camera is None:
+    slot = seen.given.slot
+    if seen.given.camera is None:
         raise DataError(
             seen.path, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot"
         )
-    camera = _phase_mask_camera(seen.told.camera, slot)
+    camera = _phase_mask_camera(seen.given.camera, slot)
     light, keys = seen.by_name(POINT, "point_0.6m_550nm")
     depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
     if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
@@ -330,15 +332,15 @@ def psf(seen: Captured) -> dict[str, Fitted]:
         "worst_point": fit.worst,
     }
     return {
-        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.told.camera]),
-        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.told.camera]),
+        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.camera]),
+        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.given.camera]),
     }
 
 
-def _phase_mask_camera(snapshot: str | Path, slot: int) -> SpectralDepthCamera:
+def _phase_mask_camera(snapshot: str | Path, slot: int) -> Any:
     """The camera of a snapshot file, whose mask of a slot is measured."""
     camera = Snapshot.load(snapshot).camera
-    if not isinstance(camera, SpectralDepthCamera):
+    if "heights" not in camera.plane_names:
         remedy = "name a snapshot of the camera that the points are of"
         raise DataError(snapshot, f"a {camera.kind} camera", "a spectral-depth one, with phase masks", remedy)
     if not 0 <= slot < camera.slots:

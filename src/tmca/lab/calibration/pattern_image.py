@@ -75,9 +75,9 @@ def mapped(matrix: Array, rows: ArrayLike, columns: ArrayLike) -> tuple[Array, A
 
 def moved(matrix: Array, shift: ArrayLike) -> Array:
     """The map followed by a shift (rows, columns) of the sensor's pixels."""
-    found = np.array(matrix, dtype=np.float64)
-    found[:, 2] += np.asarray(shift, dtype=np.float64)
-    return found
+    shifted = np.array(matrix, dtype=np.float64)
+    shifted[:, 2] += np.asarray(shift, dtype=np.float64)
+    return shifted
 
 
 def _places(back: Array, size: tuple[int, int], samples: int) -> tuple[Array, Array]:
@@ -94,11 +94,11 @@ def _integrated(planes: Array, places: tuple[Array, Array], width: Array) -> Arr
         _ramp(place, wide, n) for place, wide, n in zip(places, width, planes.shape[1:], strict=True)
     )
     corner = low_y * columns + low_x
-    found = (1 - share_y) * (1 - share_x) * np.take(flat, corner, axis=1)
-    found += (1 - share_y) * share_x * np.take(flat, corner + 1, axis=1)
-    found += share_y * (1 - share_x) * np.take(flat, corner + columns, axis=1)
-    found += share_y * share_x * np.take(flat, corner + columns + 1, axis=1)
-    return np.asarray(found)
+    mean = (1 - share_y) * (1 - share_x) * np.take(flat, corner, axis=1)
+    mean += (1 - share_y) * share_x * np.take(flat, corner + 1, axis=1)
+    mean += share_y * (1 - share_x) * np.take(flat, corner + columns, axis=1)
+    mean += share_y * share_x * np.take(flat, corner + columns + 1, axis=1)
+    return np.asarray(mean)
 
 
 def _ramp(place: Array, width: float, length: int) -> tuple[np.ndarray, Array]:
@@ -129,20 +129,20 @@ def find_coarse(shares: Array, shown: Array, lit: np.ndarray, scale: float, sour
         DataError: no place at which they are alike.
     """
     target, size = _features(shares, lit), (int(shares.shape[1]), int(shares.shape[2]))
-    best, found = 0.0, np.zeros((2, 3))
+    best, coarse = 0.0, np.zeros((2, 3))
     for factor, turn in product(_SCALES, _turns()):
         matrix = _centred(scale * factor * turn, shown.shape[1:], shares.shape[1:])
         matrix = moved(matrix, whole_shift(target[0], _masked(shown[:1], matrix, size)[0]))
         score = _alike(target, shown, matrix, lit)
         if score > best:
-            best, found = score, matrix
+            best, coarse = score, matrix
         if best > _SURE:
             break
     if best < _SEEN:
         what = f"patterns that are not seen (the best correlation is {best:.2f})"
         remedy = "check the light, the focus, the order of the frames and --scale"
         raise DataError(source, what, f"{_SEEN:g} or more", remedy)
-    return found
+    return coarse
 
 
 def _turns() -> list[Array]:

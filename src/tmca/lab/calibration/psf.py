@@ -88,7 +88,7 @@ def measure_psf(
 
 def _middle(stack: Array, where: str) -> tuple[int, int]:
     """Centroid of what is brighter than a fifth of the peak, over all wavelengths, to whole pixels."""
-    found = np.zeros(2)
+    centroid = np.zeros(2)
     for frame in stack:
         above = frame - np.median(frame)
         noise = robust_std(above) + 1e-12
@@ -97,8 +97,8 @@ def _middle(stack: Array, where: str) -> tuple[int, int]:
             raise DataError(where, what, f"{_LEAST:g} times or more", "give more light, or expose for longer")
         weight = np.where(above > _BRIGHT * above.max(), above, 0.0)
         rows, columns = np.indices(frame.shape)
-        found += np.array([(weight * rows).sum(), (weight * columns).sum()]) / weight.sum() / len(stack)
-    return round(float(found[0])), round(float(found[1]))
+        centroid += np.array([(weight * rows).sum(), (weight * columns).sum()]) / weight.sum() / len(stack)
+    return round(float(centroid[0])), round(float(centroid[1]))
 
 
 def _cut(frame: Array, place: tuple[int, int], window: tuple[int, int], where: str) -> tuple[Array, float]:
@@ -189,8 +189,8 @@ def fit_zernike_psf(
     tried = 0
     for tried in range(1, _STARTS + 1):
         other = rng.standard_normal(len(modes)) * _START_RMS / _MICRO / np.sqrt(len(modes))
-        found = model.fitted(first if tried == 1 else first + other)
-        best = found if best is None or found.cost < best.cost else best
+        fit = model.fitted(first if tried == 1 else first + other)
+        best = fit if best is None or fit.cost < best.cost else best
         if model.residual(best) < max(_GOOD, 1.5 * 10 ** (-stack.snr_db / 20)):
             break
     residual = model.residual(best)
@@ -237,8 +237,8 @@ class _Model:
         self.data, self.count, self.samples = stack.values, len(modes), bench.oversampling
         waves = stack.wavelengths.tolist()
         self.turns = radians_per_metre(waves, bench.phase_material()) * _MICRO
-        own = torch.zeros(bench.mask_size) if nominal is None else torch.as_tensor(np.asarray(nominal) / _MICRO)
-        self.nominal = own.double()
+        heights = torch.zeros(bench.mask_size) if nominal is None else torch.as_tensor(np.asarray(nominal) / _MICRO)
+        self.nominal = heights.double()
         self.basis, self.tilts = (zernike_modes(m, bench.mask_size) for m in (modes, ((1, -1), (1, 1))))
         aperture = circular_aperture(bench.mask_size)
         self.points = torch.stack(
@@ -252,9 +252,9 @@ class _Model:
         values = np.concatenate([start, np.zeros(2 * len(self.data))])
         return least_squares(self.residuals, values, jac=self.jacobian, x_scale=0.05, xtol=1e-6, ftol=1e-8, max_nfev=60)
 
-    def residual(self, found: Any) -> float:
+    def residual(self, fit: Any) -> float:
         """rms of what is left over the rms of the data."""
-        return float(np.sqrt((found.fun**2).sum() / (self.data**2).sum()))
+        return float(np.sqrt((fit.fun**2).sum() / (self.data**2).sum()))
 
     def residuals(self, values: Array) -> Array:
         left = [
@@ -289,8 +289,8 @@ class _Model:
         return self.points[depth] * torch.polar(torch.ones_like(phase), phase)
 
     def _field(self, values: Array, depth: int) -> Tensor:
-        found: Tensor = self.propagator(self._before(values, depth))
-        return found
+        field: Tensor = self.propagator(self._before(values, depth))
+        return field
 
     def _pixels(self, light: Tensor) -> Array:
         """(..., L, h, w) sum of samples over pixels."""

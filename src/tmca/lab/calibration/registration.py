@@ -187,9 +187,9 @@ class Registration:
     def offset(self, other: ArrayLike) -> float:
         """Root mean square distance from another map over all mask pixels, sensor pixels."""
         rows, columns = (np.arange(n) for n in self.codes)
-        own = mapped(self.matrix, rows[:, None], columns)
-        theirs = mapped(np.asarray(other), rows[:, None], columns)
-        return float(np.sqrt(sum(((a - b) ** 2).mean() for a, b in zip(own, theirs, strict=True))))
+        places = mapped(self.matrix, rows[:, None], columns)
+        others = mapped(np.asarray(other), rows[:, None], columns)
+        return float(np.sqrt(sum(((a - b) ** 2).mean() for a, b in zip(places, others, strict=True))))
 
 
 def nominal_matrix(codes: tuple[int, int], sensor: tuple[int, int], scale: float = 1.0) -> Array:
@@ -272,16 +272,16 @@ def _fitted(shares: Array, shown: Array, lit: np.ndarray, start: Array, level: f
 
     size = (int(shares.shape[1]), int(shares.shape[2]))
     target = gaussian_filter(shares, (0, level, level), mode="nearest")[:, lit]
-    own, samples = ([0.3], SAMPLES) if level == 0 else ([], 1)
+    first_blur, samples = ([0.3], SAMPLES) if level == 0 else ([], 1)
 
     def residuals(values: Array) -> Array:
-        blur = float(np.hypot(level, values[6])) if own else level
+        blur = float(np.hypot(level, values[6])) if first_blur else level
         matrix = _changed(start, values, shown.shape[1:])
         return _left(seen_patterns(shown, matrix, size, blur, samples)[:, lit], target)
 
     fine = 1e-7 if level == 0 else 1e-4
-    found = least_squares(residuals, [0.0] * 6 + own, xtol=fine, ftol=fine, max_nfev=30)
-    return _changed(start, found.x, shown.shape[1:]), found
+    fit = least_squares(residuals, [0.0] * 6 + first_blur, xtol=fine, ftol=fine, max_nfev=30)
+    return _changed(start, fit.x, shown.shape[1:]), fit
 
 
 def _left(seen: Array, target: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
@@ -14,7 +13,7 @@ import torch
 
 from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import atomic_path, label, write_dataset, write_json
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.lab.calibration.bench_physics import (
     REFERENCE,
     BenchTruth,
@@ -124,8 +123,8 @@ def spectral_depth_bench(size: tuple[int, int], slots: int, snr_db: float, seed:
     frames, fine = _sensor_frames(truth, rng), 2 * camera.bench.mask_pixels
     asked = camera.codes()[0].double().numpy()
     modes = zernike_modes(MODES, (fine, fine)).numpy()
-    for slot, own in enumerate(truth.coefficients):
-        heights = np.kron(asked[slot], np.ones((2, 2))) + np.tensordot(own, modes, 1)
+    for slot, coefficients in enumerate(truth.coefficients):
+        heights = np.kron(asked[slot], np.ones((2, 2))) + np.tensordot(coefficients, modes, 1)
         moves = rng.uniform(-1.5, 1.5, (len(POINTS), 2))
         light = {
             f"point_{z:g}m_{wave * 1e9:.0f}nm": point_of(camera.bench, heights, z, wave, size, move)
@@ -198,12 +197,7 @@ def raw_snapshot(camera: Camera, truth: BenchTruth, shares: Array, rng: Any, sce
         rng: of the noise.
         scene: its name.
     """
-    notes = {
-        "values": "digital numbers",
-        "camera_name": NAME,
-        CODES_DATE: now(),
-        "scene": scene,
-    }
+    notes = {"values": "digital numbers", "camera_name": NAME, CODES_DATE: now(), "scene": scene}
     recorded = truth.sensor.recorded(shares, rng).astype(np.float32)
     return Snapshot(torch.from_numpy(recorded)[None], camera, notes)
 
@@ -236,16 +230,13 @@ def captured(camera: Any, truth: BenchTruth, scene: xr.DataArray, name: str, see
     if values.shape != tuple(camera.scene_shape):
         found, wanted = ("×".join(map(str, n)) for n in (values.shape, camera.scene_shape))
         raise SettingError(name, f"a scene of {found}", f"{wanted} (bands or views, rows, columns)")
-    if isinstance(camera, SpectralCamera):
-        shares = spectral_light(camera, truth, values)
-    elif isinstance(camera, LightFieldCamera):
-        shares = light_field_light(camera, truth, values)
-    else:
+    if camera.kind not in _LIGHT:
         raise SettingError("scenes", f"some for a {camera.kind} bench", "none", "leave them out")
     rng = np.random.default_rng((seed, crc32(name.encode())))
-    return raw_snapshot(camera, truth, shares[None], rng, name)
+    return raw_snapshot(camera, truth, _LIGHT[camera.kind](camera, truth, values)[None], rng, name)
 
 
+_LIGHT: dict[str, Any] = {"spectral": spectral_light, "light-field": light_field_light}
 _BENCHES = {"spectral": spectral_bench, "light-field": light_field_bench, "spectral-depth": spectral_depth_bench}
 
 
@@ -285,12 +276,10 @@ def write_bench(
         SettingError: an unknown camera, a size below 24 pixels, or no finite noise.
         OutputError: see `tmca.data.atomic_path`.
     """
-    if camera not in _BENCHES:
-        raise SettingError("camera", repr(camera), f"one of {', '.join(_BENCHES)}")
+    check_choice("camera", camera, _BENCHES)
     if min(size) < 24 or slots < 2:
         raise SettingError("size", f"{size[0]}×{size[1]}, {slots} slots", "24 pixels or more, two slots or more")
-    if not isfinite(snr_db):
-        raise SettingError("--snr", f"{snr_db}", "decibels, a finite number")
+    check_range("--snr", snr_db, unit="dB")
     frames, snapshot, scene, truth = _BENCHES[camera](size, slots, snr_db, seed)
     about = {"camera": camera, "seed": seed, "snr_db": snr_db, "reference": REFERENCE, **stated(truth)}
     with atomic_path(folder, overwrite=overwrite) as place:

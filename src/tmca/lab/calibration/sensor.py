@@ -131,8 +131,8 @@ def _smooth(values: Array, good: NDArray[np.bool_]) -> Array:
     """Least-squares polynomial of fourth order over good pixels: light falls off smoothly, response does not."""
     y, x = (np.linspace(-1, 1, n) for n in values.shape)
     terms = np.stack([np.outer(y**i, x**j) for i in range(_ORDER + 1) for j in range(_ORDER + 1 - i)])
-    found = np.linalg.lstsq(terms[:, good].T, values[good], rcond=None)[0]
-    return np.asarray(np.tensordot(found, terms, 1))
+    coefficients = np.linalg.lstsq(terms[:, good].T, values[good], rcond=None)[0]
+    return np.asarray(np.tensordot(coefficients, terms, 1))
 
 
 LARGEST_DEVIATION = 0.05
@@ -253,3 +253,32 @@ def _transfer(levels: Array, variances: Array, frames: int, source: object) -> t
         raise DataError(source, "noise that does not grow with the light", "shot noise", "is it a raw capture?")
     std = np.sqrt(covariance[0, 0]) / slope**2
     return float(1 / slope), float(std), float(np.sqrt(max(floor, 0.0)) / slope)
+
+
+def corrected(values: ArrayLike, dark: DarkField | None, flat: FlatField | None) -> Array:
+    """Frames (…, H, W) without dark, over the flat field, defects replaced by the median of their neighbours; steps
+    that were not measured are left out."""
+    light = np.asarray(values, dtype=np.float64)
+    if dark is not None:
+        light = light - dark.mean
+    if flat is not None:
+        light = light / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
+    bad = defects(dark, flat)
+    return light if bad is None or not bad.any() else _mended(light, bad)
+
+
+def defects(dark: DarkField | None, flat: FlatField | None) -> NDArray[np.bool_] | None:
+    """(H, W) hot and dead pixels; None without dark and flat."""
+    planes = [part.defects > 0 for part in (dark, flat) if part is not None]
+    return np.asarray(np.logical_or.reduce(planes)) if planes else None
+
+
+def _mended(values: Array, bad: np.ndarray) -> Array:
+    mended = values.copy()
+    border = [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)]
+    padded = np.pad(np.where(bad, np.nan, values), border, constant_values=np.nan)
+    for y, x in np.argwhere(bad):
+        around = padded[..., y : y + 3, x : x + 3].reshape(*values.shape[:-2], 9)
+        with np.errstate(all="ignore"):
+            mended[..., y, x] = np.nan_to_num(np.nanmedian(around, axis=-1))
+    return mended

@@ -6,12 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from tmca.cameras import Camera, LightFieldCamera, SpectralDepthCamera
+from tmca.cameras import Camera
 from tmca.data import metres_to_nm
 from tmca.errors import SettingError, check_range
-from tmca.lab.acquisition.captures import Frame
-from tmca.lab.acquisition.drivers import Light
+from tmca.lab.acquisition.captures import CaptureFrame
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole, frame_time
+from tmca.lab.light import Light
 
 PATTERNS, OPEN, CODES = "patterns", "open", "codes"
 REFLECTANCE = 0.5
@@ -76,13 +77,13 @@ class Shot:
     whole: bool = False
 
     @property
-    def frame(self) -> Frame:
+    def frame(self) -> CaptureFrame:
         """As a frame of a capture."""
-        return Frame(self.name, self.slot, self.name)
+        return CaptureFrame(self.name, self.slot, self.name)
 
 
 def dark(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterable[Shot]:
-    shown = CODES if isinstance(camera, SpectralDepthCamera) else OPEN
+    shown = OPEN if lab_camera(camera).masked else CODES
     return [Shot(f"dark_{n}", Light("none"), shown, None) for n in range(asked.frames)]
 
 
@@ -103,10 +104,7 @@ def linearity(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> It
 
 
 def registration(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterable[Shot]:
-    if isinstance(camera, LightFieldCamera):
-        light = Light("white", view=(0, 0))
-    else:
-        light = Light("white", wavelength=asked.waves("registration")[0])
+    light = lab_camera(camera).registration_light(asked.wavelengths)
     return [Shot(f"pattern_{k}", light, PATTERNS, k) for k in range(2 + asked.count)]
 
 

@@ -13,7 +13,8 @@ from tmca.lab.calibration import figures, fits, shots
 from tmca.lab.calibration.apply import out_of_date
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration, kind_of
-from tmca.lab.calibration.fits import Captured, Fitted, Told
+from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of
 
@@ -29,7 +30,6 @@ class Step:
 
     Args:
         name: of its folder; of ``psf`` there is one per slot, with its number at the end.
-        cameras: kinds that have it.
         acquire: frames for it: camera, manifest of the export, what is asked, slot → shots.
         fit: what the frames say, by the name of the part; None where the frames are another step's.
         figure: draws a part onto two axes.
@@ -39,7 +39,6 @@ class Step:
     """
 
     name: str
-    cameras: tuple[str, ...]
     acquire: Acquire
     fit: Callable[[Captured], dict[str, Fitted]] | None = None
     figure: Callable[..., None] | None = None
@@ -48,39 +47,38 @@ class Step:
     may_saturate: bool = False
 
 
-_ALL, _MASKED = ("spectral", "light-field", "spectral-depth"), ("spectral", "light-field")
 _COVER = "cover the lens in every frame; give --saturation where the sensor's top is another"
 _EVEN = "capture the same even light in every frame, out of focus"
 _WAVES = "are the wavelengths of the captures and of the registration right?"
 STEPS: dict[str, Step] = {step.name: step for step in (
-    Step("dark", _ALL, shots.dark, fits.dark, figures.dark, limits={
+    Step("dark", shots.dark, fits.dark, figures.dark, limits={
         "level_of_saturation": Limit(0.25, _COVER),
         "noise_of_saturation": Limit(0.05, _COVER),
         "drift_of_noise": Limit(10.0, _COVER),
     }),
-    Step("flat", _MASKED, shots.flat, fits.flat, figures.flat, ("dark",), {
+    Step("flat", shots.flat, fits.flat, figures.flat, ("dark",), {
         "change_from_frame_to_frame": Limit(0.2, _EVEN),
         "dead_share": Limit(0.05, _EVEN),
         "white_level_of_saturation": Limit(1.1, "no capture of a white scene is whole; is --reflectance right?"),
     }),
-    Step("white", _MASKED, shots.white),
-    Step("linearity", _MASKED, shots.linearity, fits.linearity, figures.linearity, ("dark",), {
+    Step("white", shots.white),
+    Step("linearity", shots.linearity, fits.linearity, figures.linearity, ("dark",), {
         "frames_of_one_exposure": Limit(0.05, "check the file names; keep the lamp steady"),
     }, may_saturate=True),
-    Step("registration", _MASKED, shots.registration, fits.registration, figures.registration),
-    Step("timing", _MASKED, shots.timing, fits.timing, figures.timing, ("dark",), {
+    Step("registration", shots.registration, fits.registration, figures.registration),
+    Step("timing", shots.timing, fits.timing, figures.timing, ("dark",), {
         "delay_over_the_largest": Limit(1.0, "check which slots each capture had open, and both triggers"),
     }),
-    Step("dispersion", ("spectral",), shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
+    Step("dispersion", shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
         "turning_back_pixels": Limit(0.1, f"prisms and gratings displace one way; {_WAVES}"),
         "red_beyond_blue_pixels": Limit(0.25, f"neither glass nor gratings spread red wider than blue; {_WAVES}"),
         "off_registration_pixels": Limit(0.25, f"the registration's own light is displaced; {_WAVES}"),
     }),
-    Step("shear", ("light-field",), shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
+    Step("shear", shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
         "along_the_other_axis": Limit(0.5, "name the frames view_ROW_COLUMN; turn the aperture's device upright"),
         "backwards": Limit(0.5, "as for a --shear below 0; are the views named from the other side?"),
     }),
-    Step("psf", ("spectral-depth",), shots.psf, fits.psf, figures.wavefront, ("dark",), {
+    Step("psf", shots.psf, fits.psf, figures.wavefront, ("dark",), {
         "worst_point": Limit(1.0, "check the depths and wavelengths in the names"),
     }),
 )}  # fmt: skip
@@ -97,12 +95,12 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
     One slot has no timing: no other one says when it begins and ends.
     """
     timed = exposed_whole(manifest) and camera.slots > 1
-    own = [step.name for step in STEPS.values() if camera.kind in step.cameras and (step.name != "timing" or timed)]
+    names = [name for name in STEPS if name in lab_camera(camera).steps and (name != "timing" or timed)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
-    return tuple(part for name in own for part in (slots if name == "psf" else [name]))
+    return tuple(part for name in names for part in (slots if name == "psf" else [name]))
 
 
-def measure(name: str, calibration: Calibration, path: str | Path, told: Told | None = None) -> Calibration:
+def measure(name: str, calibration: Calibration, path: str | Path, given: StepSettings | None = None) -> Calibration:
     """A calibration with one more step, whose residuals say its ``quality``: above 1 something may be wrong with the
     captures, and a warning says what.
 
@@ -116,15 +114,15 @@ def measure(name: str, calibration: Calibration, path: str | Path, told: Told | 
         DataError: a step before it is missing, captures that are missing, saturated or dark, or a fit that failed.
         SettingError: an impossible setting.
     """
-    step, told, place = step_of(name), told or Told(), Path(path)
+    step, given, place = step_of(name), given or StepSettings(), Path(path)
     assert step.fit is not None
     for need in step.needs:
         if calibration.part(need) is None:
             remedy = f"run tmca calibrate {need} first, and name its file with --onto"
             raise DataError(calibration.where, f"no {need}", f"one, on which {step.name} builds", remedy)
     sensor = calibration.about["camera"]["sensor"]
-    frames = read_captures(path, saturation=told.saturation, may_saturate=step.may_saturate, sensor=sensor)
-    for part, fitted in step.fit(Captured(frames, place, calibration, told)).items():
+    frames = read_captures(path, saturation=given.saturation, may_saturate=step.may_saturate, sensor=sensor)
+    for part, fitted in step.fit(Captured(frames, place, calibration, given)).items():
         residuals = {**fitted.residuals, "quality": quality_of(fitted.residuals, step.limits)}
         sources = [path, *(source for source in fitted.sources if source is not None)]
         size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
@@ -139,7 +137,9 @@ def measure(name: str, calibration: Calibration, path: str | Path, told: Told | 
     return calibration
 
 
-def measure_all(folder: str | Path, start: Calibration, told: Told | None = None) -> Iterator[tuple[str, Calibration]]:
+def measure_all(
+    folder: str | Path, start: Calibration, given: StepSettings | None = None
+) -> Iterator[tuple[str, Calibration]]:
     """Every step whose frames are in a folder of its name, in the order in which they build on each other.
 
     Args:
@@ -154,7 +154,7 @@ def measure_all(folder: str | Path, start: Calibration, told: Told | None = None
     Raises:
         DataError: a folder without any of them, or see ``measure``.
     """
-    place, told = Path(folder), told or Told()
+    place, given = Path(folder), given or StepSettings()
     if not place.is_dir():
         raise DataError(folder, "no such folder", "one with the frames of steps", "check the path")
     slots = sorted(place.glob("psf*"), key=lambda one: (len(one.name), one.name))
@@ -167,14 +167,14 @@ def measure_all(folder: str | Path, start: Calibration, told: Told | None = None
     if not white.is_dir() and "flat" in there and taken_with(place / "flat"):
         remedy = "take them: tmca calibrate capture white"
         raise DataError(white, "no frames", "those of white: even light of a bench is not as bright", remedy)
-    told = replace(
-        told, patterns=place / "patterns", white=white if white.is_dir() else None,
-        reflectance=told.reflectance or taken_with(white).get("reflectance"),
-        power=told.power or (power if power.is_file() else None),
+    given = replace(
+        given, patterns=place / "patterns", white=white if white.is_dir() else None,
+        reflectance=given.reflectance or taken_with(white).get("reflectance"),
+        power=given.power or (power if power.is_file() else None),
     )  # fmt: skip
     for name in there:
         slot = int(name.removeprefix("psf")) if name.startswith("psf") else 0
-        start = measure(name, start, place / name, replace(told, slot=slot))
+        start = measure(name, start, place / name, replace(given, slot=slot))
         yield (f"wavefront{slot}" if name.startswith("psf") else name), start
 
 

@@ -71,12 +71,12 @@ def slot_overlap(slots: int, delay: float, ratio: float = 1.0, repeats: bool = F
     """
     shutter = delay + ratio * np.arange(slots, dtype=np.float64)
     turns = range(int(shutter.min() // slots), int((shutter.max() + ratio) // slots) + 1) if repeats else (0,)
-    found = np.zeros((slots, slots))
+    overlap = np.zeros((slots, slots))
     for turn in turns:
         aperture = turn * slots + np.arange(slots, dtype=np.float64)[:, None]
         end = np.minimum(aperture + 1, shutter + ratio)
-        found += np.clip(end - np.maximum(aperture, shutter), 0.0, None)
-    return found
+        overlap += np.clip(end - np.maximum(aperture, shutter), 0.0, None)
+    return overlap
 
 
 def pair_light(overlap: ArrayLike, aperture: float = 0.0, shutter: float = 0.0) -> Array:
@@ -128,12 +128,12 @@ def measure_timing(
     slots, top = len(seen), float(np.nanmax(seen))
     alone, again = (_best_fit(_misfit(seen / top, aperture_leakage, repeats), seen / top) for repeats in (False, True))
     repeats = bool(again.cost < _CLEARLY * alone.cost)
-    found = again if repeats else alone
-    delay, ratio, light, leakage = (float(value) for value in found.x)
-    left = found.fun[:-2]
+    fit = again if repeats else alone
+    delay, ratio, light, leakage = (float(value) for value in fit.x)
+    left = fit.fun[:-2]
     # shares of the largest level that was seen: the light of a slot that hardly overlaps is a guess
     residual = float(np.sqrt((left**2).mean() * slots))
-    std = fit_std(found, left)
+    std = fit_std(fit, left)
     delay = (delay + slots / 2) % slots - slots / 2 if repeats else delay
     _check((delay, ratio, leakage), residual, source)
     if slots > 2 and not std[:2].max() <= LARGEST_STD:
@@ -149,10 +149,10 @@ def _seen(levels: ArrayLike, source: object) -> Array:
     seen = np.asarray(levels, dtype=np.float64)
     if seen.ndim != 2 or seen.shape[0] != seen.shape[1] or len(seen) < 2:
         raise SettingError("timing", f"levels of shape {seen.shape}", "(K, K) of two slots or more")
-    known, needed = int(np.isfinite(seen).sum()), 4 if len(seen) == 2 else 5
-    if known < needed:
+    finite, needed = int(np.isfinite(seen).sum()), 4 if len(seen) == 2 else 5
+    if finite < needed:
         expected = f"{needed} or more, of which delay, ratio, light and leakage follow"
-        raise SettingError("timing", f"{known} levels that are known", expected, "capture neighbouring slots as well")
+        raise SettingError("timing", f"{finite} levels that are known", expected, "capture neighbouring slots as well")
     if not np.nanmax(seen) > 0:
         raise DataError(source, "no light in any pair of slots", "light where both are open", "check both triggers")
     if np.nanmax(seen) - np.nanmin(seen) < LARGEST_RESIDUAL * np.nanmax(seen):
@@ -163,12 +163,12 @@ def _seen(levels: ArrayLike, source: object) -> Array:
 
 def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], Array]:
     """What delay, ratio, light and leakage leave of the known levels, and the pull on leakage and ratio."""
-    known = np.isfinite(shares)
+    finite = np.isfinite(shares)
 
     def residuals(values: Array) -> Array:
         delay, ratio, light, leakage = values
         there = light * pair_light(slot_overlap(len(shares), delay, ratio, repeats), aperture, leakage)
-        return np.concatenate([(there - shares)[known], [_PULL * leakage, _PULL * (ratio - 1)]])
+        return np.concatenate([(there - shares)[finite], [_PULL * leakage, _PULL * (ratio - 1)]])
 
     return residuals
 

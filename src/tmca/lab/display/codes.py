@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.cameras import Camera, Snapshot, SpectralDepthCamera
+from tmca.cameras import Snapshot
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
 from tmca.decoders import Weights
@@ -25,6 +25,10 @@ from tmca.optics import family_parameters
 from tmca.optics.zernike import fit_zernike, noll, zernike_modes
 
 Size = tuple[int, int]
+
+
+SENSOR = "sensor"
+"""Setting of an export: (rows, columns) of the frames that its camera takes."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +71,14 @@ class Planes:
         if name not in self.planes:
             raise SettingError(self.source, f"codes of {', '.join(self.planes)}", f"{name}, which this device shows")
         plane = self.planes[name]
-        own = (int(plane.shape[1]), int(plane.shape[2]))
-        if size is None or size == own:
+        pixels = (int(plane.shape[1]), int(plane.shape[2]))
+        if size is None or size == pixels:
             return plane
         if name in self.tiled:
-            return CodePlane(plane, len(plane), size, period=own, name=name)()
-        if own[0] < size[0] or own[1] < size[1]:
-            raise ShapeError(self.source, f"{name} of {own[0]}×{own[1]} pixels", f"{size[0]}×{size[1]} or more")
-        top, left = (own[0] - size[0]) // 2, (own[1] - size[1]) // 2
+            return CodePlane(plane, len(plane), size, period=pixels, name=name)()
+        if pixels[0] < size[0] or pixels[1] < size[1]:
+            raise ShapeError(self.source, f"{name} of {pixels[0]}×{pixels[1]} pixels", f"{size[0]}×{size[1]} or more")
+        top, left = (pixels[0] - size[0]) // 2, (pixels[1] - size[1]) // 2
         return plane[:, top : top + size[0], left : left + size[1]]
 
 
@@ -97,9 +101,10 @@ def read_planes(source: str | Path) -> Planes:
 
 def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
-    if weights.kind == SpectralDepthCamera.kind:
-        return planes_of(weights.camera, str(path))
-    planes, about = weights.codes, {"size": weights.size, "exposure": weights.variables.attrs["exposure"]}
+    planes, camera = weights.codes, weights.camera
+    if "heights" in planes:
+        return planes_of(camera, str(path))
+    about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
     return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
 
 
@@ -110,10 +115,10 @@ def _of_file(path: Path) -> Planes:
     if "snapshot" in stored:
         return planes_of(Snapshot.load(path).camera, str(path))
     if "heights" in stored:
-        known = read_phase_codes(path)
-        planes = {"heights": known["mask"]().detach(), "shutter": known["shutter"]}
-        settings = {"material": known["bench"].material, "exposure": known["exposure"]}
-        modes = family_parameters(known["mask"])
+        described = read_phase_codes(path)
+        planes = {"heights": described["mask"]().detach(), "shutter": described["shutter"]}
+        settings = {"material": described["bench"].material, "exposure": described["exposure"]}
+        modes = family_parameters(described["mask"])
         return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
     if "aperture" in stored:
         codes = read_codes(path)
@@ -123,25 +128,25 @@ def _of_file(path: Path) -> Planes:
 
 
 @torch.no_grad()
-def planes_of(camera: Camera, source: str) -> Planes:
+def planes_of(camera: Any, source: str) -> Planes:
     """Codes of a camera.
 
     Args:
-        camera: of any of the three kinds.
+        camera: of any kind.
         source: file or folder that it came from.
 
     Raises:
         SettingError: a coloured aperture.
     """
-    if isinstance(camera, SpectralDepthCamera):
-        heights, shutter = camera.codes()
-        modes, settings = family_parameters(camera.point_spread.heights), {"material": camera.bench.material}
-        return Planes(source, camera.kind, {"heights": heights, "shutter": shutter}, (), modes, settings)
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
-    aperture, shutter = camera.codes()  # type: ignore[operator]
-    planes = {"aperture": aperture, "shutter": shutter}
-    return Planes(source, camera.kind, planes, (), None, {"size": camera.size, "exposure": camera.exposure})
+    planes = dict(zip(camera.plane_names, camera.codes(), strict=True))
+    frame = {SENSOR: camera.snapshot_shape[1:]}
+    if "heights" not in planes:
+        settings = {"size": camera.size, "exposure": camera.exposure, **frame}
+        return Planes(source, camera.kind, planes, (), None, settings)
+    modes = family_parameters(camera.point_spread.heights)
+    return Planes(source, camera.kind, planes, (), modes, {"material": camera.bench.material, **frame})
 
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
@@ -187,13 +192,13 @@ def terms_of(codes: Planes, device: DeviceDescription) -> Terms:
     heights = codes.full("heights").double()
     modes = [noll(index) for index in device.noll]
     fits = [fit_zernike(one - one.mean(), modes) for one in heights]
-    found = Terms(
+    terms = Terms(
         device.noll,
         np.stack([fit[0].numpy() for fit in fits]),
         np.array([_rms(fit[1]) for fit in fits]),
     )
-    _check_stroke(found, device, codes.source)
-    return found
+    _check_stroke(terms, device, codes.source)
+    return terms
 
 
 def _rms(left: torch.Tensor) -> float:

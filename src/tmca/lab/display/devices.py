@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.errors import DataError, SettingError
+from tmca.specs.base import read_yaml
 
 _PRESETS = Path(__file__).parent / "presets"
 PRESETS = tuple(sorted(file.stem for file in _PRESETS.glob("*.yaml")))
@@ -104,20 +105,21 @@ def device_named(name: str, **changes: Any) -> DeviceDescription:
     file = _PRESETS / f"{name}.yaml" if name in PRESETS else Path(name)
     if name not in PRESETS and file.suffix not in (".yaml", ".yml"):
         raise SettingError("--device", repr(name), f"one of {', '.join(PRESETS)}, or a YAML file that describes one")
-    described = _described(file) | {key: value for key, value in changes.items() if value is not None}
+    described = read_yaml(file, "a YAML file that describes a device, see docs/devices.md")
+    described = {"name": file.stem, **described, **{key: value for key, value in changes.items() if value is not None}}
     if described.get("lut"):
         described["lut"] = str(file.parent / described["lut"])
     try:
-        found = DeviceDescription.model_validate(described)
+        device = DeviceDescription.model_validate(described)
     except ValidationError as error:
         first = error.errors()[0]
         where = _where(first["loc"], file, changes)
         raise SettingError(where, str(first.get("input"))[:80], first["msg"]) from None
-    if found.lut is not None and found.kind != "lcos":
+    if device.lut is not None and device.kind != "lcos":
         raise SettingError(
-            _where(("lut",), file, changes), f"one of a {found.kind}", "none: an lcos alone has a response"
+            _where(("lut",), file, changes), f"one of a {device.kind}", "none: an lcos alone has a response"
         )
-    return found
+    return device
 
 
 def _where(place: Sequence[int | str], file: Path, changes: Mapping[str, Any]) -> str:
@@ -126,20 +128,6 @@ def _where(place: Sequence[int | str], file: Path, changes: Mapping[str, Any]) -
     if changes.get(name) is not None:
         return f"--{name.removesuffix('_deg').replace('_', '-')}"
     return f"{file}: {'.'.join(map(str, place)) or name}"
-
-
-def _described(file: Path) -> dict[str, Any]:
-    import yaml
-
-    try:
-        found = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except OSError:
-        raise DataError(file, "no such file", "a YAML file that describes a device", "see docs/devices.md") from None
-    except (yaml.YAMLError, UnicodeDecodeError):
-        raise DataError(file, "no YAML", "lines NAME: VALUE", "see docs/devices.md") from None
-    if not isinstance(found, dict):
-        raise DataError(file, "no names with values", "lines NAME: VALUE", "see docs/devices.md")
-    return {"name": file.stem, **found}
 
 
 LEVELS = 256
@@ -167,9 +155,9 @@ def grey_of(light: NDArray[np.float32], device: DeviceDescription) -> NDArray[np
     """
     if light.min() < 0 or light.max() > 1:
         raise SettingError("aperture", f"{light.min():g} to {light.max():g}", "shares of the light, 0 to 1")
-    known = response(device)
-    levels = np.argsort(known, kind="stable")
-    rising = known[levels]
+    shares = response(device)
+    levels = np.argsort(shares, kind="stable")
+    rising = shares[levels]
     above = np.searchsorted(rising, light).clip(1, LEVELS - 1)
     nearer = light - rising[above - 1] < rising[above] - light
     return np.asarray(levels[above - nearer], dtype=np.uint8)
@@ -190,11 +178,11 @@ def _table(file: Path) -> NDArray[np.float64]:
     rises = phase or bool((np.diff(values) > 0).all())
     if not rises or (np.diff(grey) <= 0).any() or grey[0] > 0 or grey[-1] < LEVELS - 1:
         raise DataError(file, "a response that does not rise from grey 0 to 255", "one that does", "measure it again")
-    found = np.interp(np.arange(LEVELS), grey, values)
-    found = np.sin(found / 2) ** 2 if phase else found
-    if not np.ptp(found) > 0:
+    light = np.interp(np.arange(LEVELS), grey, values)
+    light = np.sin(light / 2) ** 2 if phase else light
+    if not np.ptp(light) > 0:
         raise DataError(file, "the same light at every grey level", "a response that changes", "measure it again")
-    return np.asarray((found - found.min()) / np.ptp(found))
+    return np.asarray((light - light.min()) / np.ptp(light))
 
 
 def _columns(file: Path) -> tuple[bool, NDArray[np.float64]]:

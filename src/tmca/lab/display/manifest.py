@@ -44,12 +44,12 @@ def read_frame(file: Path) -> NDArray[np.integer]:
 
     try:
         with Image.open(file) as picture:
-            found = np.asarray(picture)
+            frame = np.asarray(picture)
     except (OSError, UnidentifiedImageError, SyntaxError):
         raise DataError(file, "no picture", "the PNG of the export", "export again") from None
-    if found.ndim != 2:
-        raise DataError(file, f"an array of shape {found.shape}", "one plane of pixels", "export again")
-    return found.astype(np.uint8) if found.dtype == np.bool_ else found
+    if frame.ndim != 2:
+        raise DataError(file, f"an array of shape {frame.shape}", "one plane of pixels", "export again")
+    return frame.astype(np.uint8) if frame.dtype == np.bool_ else frame
 
 
 NAME, FORMAT = "manifest.json", "tmca export 1"
@@ -89,17 +89,17 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         DataError: no export, one of another version, or one that says no slots, exposure or planes.
     """
     file = Path(folder) / NAME
-    found = read_json(file, "the manifest of an export", "make one with `tmca export`")
-    if found.get("format") != FORMAT:
-        raise DataError(file, f"format {found.get('format')!r}", repr(FORMAT))
+    about = read_json(file, "the manifest of an export", "make one with `tmca export`")
+    if about.get("format") != FORMAT:
+        raise DataError(file, f"format {about.get('format')!r}", repr(FORMAT))
     try:
-        stated = int(found["slots"]), float(found["exposure_s"]), [plane["frames"] for plane in found["planes"]]
+        stated = int(about["slots"]), float(about["exposure_s"]), [plane["frames"] for plane in about["planes"]]
     except (KeyError, TypeError, ValueError):
         stated = 0, 0.0, []
     if not all(stated):
         said = "no slots, no exposure time, or planes without frames"
         raise DataError(file, said, "the manifest of an export", "export again")
-    return found
+    return about
 
 
 def exposed_whole(manifest: dict[str, Any]) -> bool:
@@ -124,10 +124,10 @@ def check_export(folder: str | Path) -> dict[str, Any]:
     """
     manifest = read_manifest(folder)
     for plane in manifest["planes"]:
-        known = {frame["file"]: frame["sha256"] for frame in plane["frames"]}
+        checksums = {frame["file"]: frame["sha256"] for frame in plane["frames"]}
         if "response_sha256" in plane:
-            known[plane["device"]["lut"]] = plane["response_sha256"]
-        for name, content in known.items():
+            checksums[plane["device"]["lut"]] = plane["response_sha256"]
+        for name, content in checksums.items():
             file = Path(folder) / name
             if not file.is_file():
                 raise DataError(file, "no such file", "all files of the export", "export again")
@@ -165,19 +165,19 @@ def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
         DataError: the manifest describes none.
     """
     try:
-        known = DeviceDescription.model_validate(about["device"])
+        device = DeviceDescription.model_validate(about["device"])
     except (KeyError, ValidationError):
         raise DataError(folder, "a device that is none", "the manifest of an export", "export again") from None
-    return known if known.lut is None else known.model_copy(update={"lut": str(Path(folder) / known.lut)})
+    return device if device.lut is None else device.model_copy(update={"lut": str(Path(folder) / device.lut)})
 
 
 def placement_of(about: dict[str, Any]) -> Placement:
     """How the codes of a plane lie on its device."""
-    known = dict(about["placement"])
-    pairs = {name: tuple(known[name]) for name in ("code", "device", "flip", "offset")}
-    affine = known.get("affine")
+    stored = dict(about["placement"])
+    pairs = {name: tuple(stored[name]) for name in ("code", "device", "flip", "offset")}
+    affine = stored.get("affine")
     turned = None if affine is None else (tuple(affine[0]), tuple(affine[1]))
-    return Placement(**{**known, **pairs, "affine": turned})
+    return Placement(**{**stored, **pairs, "affine": turned})
 
 
 def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:

@@ -62,12 +62,12 @@ class Placement:
         """
         margin = 2 * ceil(self.macro_pixel)
         wide = self._index(margin)
-        found = wide[margin:-margin, margin:-margin]
-        every, own = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, found))
-        missing = (own == 0) | (own < every)  # hidden, or cut off
+        inner = wide[margin:-margin, margin:-margin]
+        every, inside = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, inner))
+        missing = (inside == 0) | (inside < every)  # hidden, or cut off
         if missing.any():
             self._refuse(int(missing.argmax()))
-        return found
+        return inner
 
     def _index(self, margin: int) -> NDArray[np.int64]:
         """The index with a margin of pixels around the device."""
@@ -92,10 +92,10 @@ class Placement:
             raise DataError(where, f"frames of {frames.shape[1]}×{frames.shape[2]} pixels", wanted, "export it again")
         index = self.index()
         _, first = np.unique(index[index >= 0], return_index=True)
-        found = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
-        if not np.array_equal(self.shown(found, 0)[:, index >= 0], frames[:, index >= 0]):
+        codes = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
+        if not np.array_equal(self.shown(codes, 0)[:, index >= 0], frames[:, index >= 0]):
             raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
-        return found
+        return codes
 
     def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the code under each pixel of the device and its margin."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import label_depth
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.frames import check_size
 from tmca.lab.ground_truth.fringes import Capture, FringePlan, disorder, lit_pixels
 from tmca.lab.ground_truth.geometry import ProjectorCalibration, triangulate
@@ -52,20 +52,20 @@ def by_light(phases: Phases, saturated: NDArray[np.bool_]) -> Why:
 
 def by_frequencies(why: Why, disagreement: Array, risk: Array) -> Why:
     """Adds pixels whose frequencies tell different phases, or are too noisy to number the fringes."""
-    found = why.copy()
-    found[(why == 0) & (disagreement > _DISAGREE)] = REASONS.index("frequencies disagree")
-    found[(why == 0) & ~(risk <= _RISK)] = REASONS.index("dark")
-    return found
+    updated = why.copy()
+    updated[(why == 0) & (disagreement > _DISAGREE)] = REASONS.index("frequencies disagree")
+    updated[(why == 0) & ~(risk <= _RISK)] = REASONS.index("dark")
+    return updated
 
 
 def by_range(why: Why, depth: Array, position: Array, plan: FringePlan, ends: tuple[float, float]) -> Why:
     """Adds pixels out of range, and those lit by the ends of the fringes."""
-    margin, found = _MARGIN * plan.extent / plan.fringes[-1], why.copy()
+    margin, updated = _MARGIN * plan.extent / plan.fringes[-1], why.copy()
     with np.errstate(invalid="ignore"):
         inside = (depth >= ends[0]) & (depth <= ends[1])
         inside &= (position > margin) & (position < plan.extent - 1 - margin)
-    found[(why == 0) & ~inside] = REASONS.index("out of range")
-    return found
+    updated[(why == 0) & ~inside] = REASONS.index("out of range")
+    return updated
 
 
 def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6) -> Why:
@@ -81,8 +81,8 @@ def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6
         focal: of the camera in pixels.
         fewest: 6 takes away one pixel along straight edges, 3 keeps corners.
     """
-    known = why == 0
-    values, doubt = np.where(known, depth, np.nan), 4 * np.sqrt(2) * np.where(known, std, 0.0)
+    valid = why == 0
+    values, doubt = np.where(valid, depth, np.nan), 4 * np.sqrt(2) * np.where(valid, std, 0.0)
     padded = np.pad(values, 1, mode="edge")  # the picture's border is no edge of a surface
     company, (height, width) = np.zeros(depth.shape, dtype=int), depth.shape
     for dy, dx in ((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x):
@@ -90,9 +90,9 @@ def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6
         reach = np.hypot(dy, dx) * _STEEP * values / focal + doubt
         with np.errstate(invalid="ignore"):
             company += np.abs(other - values) <= reach
-    found = why.copy()
-    found[known & (company < fewest)] = REASONS.index("alone")
-    return found
+    updated = why.copy()
+    updated[valid & (company < fewest)] = REASONS.index("alone")
+    return updated
 
 
 _ORDER = "check that steps and frequencies are in order, and each frame among its own"
@@ -146,10 +146,9 @@ def measure_depth(
     """
     if not 0 < near < far:
         raise SettingError("near, far", f"{near:g} to {far:g} m", "0 < near < far")
-    if noise is not None and not noise > 0:
-        raise SettingError("noise", repr(noise), "a standard deviation above 0")
-    if not 0 <= neighbours <= 8:
-        raise SettingError("neighbours", str(neighbours), "0 to 8")
+    if noise is not None:
+        check_range("noise", noise, above=0)
+    check_range("neighbours", neighbours, 0, 8, whole=True)
     check_size(capture.source, "frames", capture.values.shape[2:], calibration.camera.size, "calibrate at that size")
     check_size("fringes", "a projector", plan.size, calibration.projector.size, "calibrate at that size")
     lit = lit_pixels(capture)
@@ -161,12 +160,12 @@ def measure_depth(
     position = plan.position(absolute)
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
     depth, depth_std = triangulate(position, std, calibration, plan.across)
-    found = by_range(why, depth, position, plan, (near, far))
-    residuals |= _out_of_range(why, found, capture, depth)
-    found = by_company(found, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
+    reasons = by_range(why, depth, position, plan, (near, far))
+    residuals |= _out_of_range(why, reasons, capture, depth)
+    reasons = by_company(reasons, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
     warn_of(capture.source, residuals, LIMITS)
     about = {"unwrapping": unwrap, "quality": quality_of(residuals, LIMITS), **residuals}
-    return _labelled(depth, depth_std, found, position, phases, capture).assign_attrs(about)
+    return _labelled(depth, depth_std, reasons, position, phases, capture).assign_attrs(about)
 
 
 def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
@@ -208,30 +207,32 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
     return by_frequencies(why, disagreement, risk), absolute
 
 
-def _out_of_range(why: Why, found: Why, capture: Capture, depth: Array) -> dict[str, float]:
+def _out_of_range(why: Why, updated: Why, capture: Capture, depth: Array) -> dict[str, float]:
     """Shares of the depths that are behind the camera, and out of range; DataError where there is none."""
-    told, outside = int((why == 0).sum()), int((found == REASONS.index("out of range")).sum())
-    if not (found == 0).any():
-        reasons = ", ".join(f"{int((found == i).sum())} {name}" for i, name in enumerate(REASONS) if (found == i).any())
+    total, outside = int((why == 0).sum()), int((updated == REASONS.index("out of range")).sum())
+    if not (updated == 0).any():
+        reasons = ", ".join(
+            f"{int((updated == i).sum())} {name}" for i, name in enumerate(REASONS) if (updated == i).any()
+        )
         remedy = f"give more light, project frequencies that are closer together; {_PLACE}"
         raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
     behind = int((~np.isfinite(depth) & (why == 0)).sum())
-    return {"behind_the_camera": behind / told, "out_of_range": outside / told}
+    return {"behind_the_camera": behind / total, "out_of_range": outside / total}
 
 
 def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phases, capture: Capture) -> xr.Dataset:
     import xarray as xr
 
-    known = why == 0
+    valid = why == 0
     about = {"units": "m", "long_name": "standard deviation of the depth"}
     return xr.Dataset(
         {
-            "depth": label_depth(np.where(known, depth, np.nan), capture.source),
-            "depth_std": (("y", "x"), np.where(known, std, np.nan).astype(np.float32), about),
+            "depth": label_depth(np.where(valid, depth, np.nan), capture.source),
+            "depth_std": (("y", "x"), np.where(valid, std, np.nan).astype(np.float32), about),
             "confidence": (("y", "x"), why, {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}),
             "position": (
                 ("y", "x"),
-                np.where(known, position, np.nan).astype(np.float32),
+                np.where(valid, position, np.nan).astype(np.float32),
                 {"units": "projector pixel"},
             ),
             "modulation": (("y", "x"), phases.modulation[-1].astype(np.float32), {"units": "digital number"}),

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import atomic_path, write_json
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_choice
 from tmca.lab.frames import Frames, read_frames, warn_of_copies, write_frames
 from tmca.lab.ground_truth.phase import Phases, rung_offsets
 from tmca.lab.notes import read_json
@@ -49,8 +49,7 @@ class FringePlan:
         object.__setattr__(self, "fringes", tuple(self.fringes))
         if len(self.size) != 2 or min(self.size) < 8:
             raise SettingError("projector", str(self.size), "(height, width) of 8 pixels or more")
-        if self.across not in ("x", "y"):
-            raise SettingError("across", repr(self.across), "'x' or 'y'")
+        check_choice("across", self.across, ("x", "y"))
         if self.steps < 3:
             raise SettingError("steps", str(self.steps), "3 or more", "three shifts are the fewest that tell a phase")
         if not self.fringes or self.fringes[0] < 1 or sorted(set(self.fringes)) != list(self.fringes):
@@ -224,7 +223,7 @@ def disorder(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np
     usual = np.median(light, axis=1, keepdims=True)
     even = light * float(np.median(usual)) / usual  # a lamp that drifts makes all of a frequency brighter alike
     others = [np.median(np.delete(even, f, axis=0), axis=0) for f in range(len(even))] if len(even) > 1 else list(even)
-    away = max(float(np.median(np.abs(own - other) / modulation)) for own, other in zip(even, others, strict=True))
+    away = max(float(np.median(np.abs(one - other) / modulation)) for one, other in zip(even, others, strict=True))
     noise = 2 * 0.6745 * _frame_noise(capture.values) / np.sqrt(plan.steps)
     turned = [
         np.pi if abs(mean) < _AGREE else abs(float(np.angle(mean)))

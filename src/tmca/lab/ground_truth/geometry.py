@@ -199,8 +199,8 @@ def camera_rays(calibration: ProjectorCalibration) -> Array:
 
 def _meet(slope: Array, rays: Array, calibration: ProjectorCalibration, axis: int) -> tuple[Array, Array]:
     """Depth, and its derivative by the slope."""
-    own, along = (np.einsum("j,jyx->yx", calibration.rotation[row], rays) for row in (axis, 2))
+    across, along = (np.einsum("j,jyx->yx", calibration.rotation[row], rays) for row in (axis, 2))
     shift, ahead = calibration.translation[axis], calibration.translation[2]
-    above, below = slope * ahead - shift, own - slope * along
+    above, below = slope * ahead - shift, across - slope * along
     with np.errstate(divide="ignore", invalid="ignore"):
         return above / below, (ahead * below + above * along) / below**2

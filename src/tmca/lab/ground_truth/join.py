@@ -56,13 +56,13 @@ def join_ground_truth(
         "pixels_without_spectrum": int(empty.sum()),
     }
     about = {"name": name, "metric": True, "kind": "spectral-depth scene", "quantity": "reflectance", **counts}
-    own, std = spectra["wavelength"].values, spectra["reflectance_std"].values
-    asked = own if wavelengths is None else _checked(np.asarray(wavelengths, dtype=np.float64), own, spectra)
-    cube = label(_at(asked, own, within).astype(np.float32), asked)
+    scanned, std = spectra["wavelength"].values, spectra["reflectance_std"].values
+    asked = scanned if wavelengths is None else _checked(np.asarray(wavelengths, dtype=np.float64), scanned, spectra)
+    cube = label(_at(asked, scanned, within).astype(np.float32), asked)
     scene = label_spectral_depth(cube, label_depth(metres, name), about)
-    scene["radiance_std"] = (cube.dims, _at(asked, own, std).astype(np.float32))
+    scene["radiance_std"] = (cube.dims, _at(asked, scanned, std).astype(np.float32))
     scene["depth_std"] = (("y", "x"), depth["depth_std"].values, {"units": "m"})
-    scene["measured"] = (cube.dims, (_at(asked, own, good & (within == whole)) > 1 - 1e-6).astype(np.uint8))
+    scene["measured"] = (cube.dims, (_at(asked, scanned, good & (within == whole)) > 1 - 1e-6).astype(np.uint8))
     return scene
 
 
@@ -76,22 +76,24 @@ def _known_depth(depth: xr.Dataset, good: NDArray[np.bool_]) -> NDArray[np.float
     return metres
 
 
-def _checked(asked: NDArray[np.float64], own: NDArray[np.float64], spectra: xr.Dataset) -> NDArray[np.float64]:
+def _checked(asked: NDArray[np.float64], scanned: NDArray[np.float64], spectra: xr.Dataset) -> NDArray[np.float64]:
     """The wavelengths asked for, which ascend within the scan's."""
     if not asked.size or (np.diff(asked) <= 0).any():
         raise SettingError("wavelengths", f"{asked.size} that do not ascend", "ascending wavelengths")
-    if asked[0] < own[0] * (1 - 1e-9) or asked[-1] > own[-1] * (1 + 1e-9):
-        found, wanted = (f"{w[0] * 1e9:g} to {w[-1] * 1e9:g} nm" for w in (own, asked))
+    if asked[0] < scanned[0] * (1 - 1e-9) or asked[-1] > scanned[-1] * (1 + 1e-9):
+        found, wanted = (f"{w[0] * 1e9:g} to {w[-1] * 1e9:g} nm" for w in (scanned, asked))
         raise DataError(spectra.attrs.get("source", "spectra"), found, wanted, "scan or ask for those wavelengths")
     return asked
 
 
-def _at(asked: NDArray[np.float64], own: NDArray[np.float64], cube: NDArray[Any]) -> NDArray[np.float64]:
+def _at(asked: NDArray[np.float64], scanned: NDArray[np.float64], cube: NDArray[Any]) -> NDArray[np.float64]:
     """The cube between its bands; of standard deviations that is no less than what is true."""
-    above = np.clip(np.searchsorted(own, asked), 1, len(own) - 1) if len(own) > 1 else np.zeros(len(asked), int)
+    above = (
+        np.clip(np.searchsorted(scanned, asked), 1, len(scanned) - 1) if len(scanned) > 1 else np.zeros(len(asked), int)
+    )
     below = np.maximum(above - 1, 0)
-    gap = np.where(above > below, own[above] - own[below], 1.0)
-    share = np.where(above > below, (asked - own[below]) / gap, 1.0)[:, None, None]
+    gap = np.where(above > below, scanned[above] - scanned[below], 1.0)
+    share = np.where(above > below, (asked - scanned[below]) / gap, 1.0)[:, None, None]
     # a band that is hit takes nothing from its neighbour, which may be unknown
     low, high = (np.where(part, cube[i], 0.0) for part, i in ((share < 1 - 1e-9, below), (share > 1e-9, above)))
     return np.asarray((1 - share) * low + share * high, dtype=np.float64)

@@ -191,16 +191,16 @@ def ladder(fringes: tuple[int, ...]) -> list[Rung]:
     Raises:
         SettingError: the fringes do not lead to one fringe.
     """
-    own = [(f, np.eye(len(fringes), dtype=np.int64)[i]) for i, f in enumerate(fringes)]
-    beats, found = list(own), {f: c for f, c in own}
-    while 1 not in found and len(beats) > 1:
+    measured = [(f, np.eye(len(fringes), dtype=np.int64)[i]) for i, f in enumerate(fringes)]
+    beats, rungs = list(measured), {f: c for f, c in measured}
+    while 1 not in rungs and len(beats) > 1:
         beats = sorted(((g - f, d - c) for (f, c), (g, d) in pairwise(beats)), key=lambda rung: rung[0])
-        found = {f: c for f, c in beats if f > 0} | found
+        rungs = {f: c for f, c in beats if f > 0} | rungs
         beats = [rung for rung in beats if rung[0] > 0]
-    if 1 not in found:
+    if 1 not in rungs:
         remedy = "add 1, or fringes whose differences lead to 1, such as 59,64,70"
         raise SettingError("fringes", ",".join(map(str, fringes)), "fringes that lead to one", remedy)
-    return sorted(found.items())
+    return sorted(rungs.items())
 
 
 def temporal_unwrap(phases: Phases, fringes: tuple[int, ...]) -> tuple[Array, Array, Array]:
@@ -298,5 +298,5 @@ def spatial_unwrap(phases: Phases, fringes: tuple[int, ...], inside: NDArray[np.
 def _over_neighbours(phase: Array, inside: NDArray[np.bool_]) -> Array:
     from skimage.restoration import unwrap_phase
 
-    found = unwrap_phase(np.ma.masked_array(phase, ~inside), rng=0)
-    return np.asarray(np.ma.filled(found, 0.0), dtype=np.float64)
+    unwrapped = unwrap_phase(np.ma.masked_array(phase, ~inside), rng=0)
+    return np.asarray(np.ma.filled(unwrapped, 0.0), dtype=np.float64)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import label, metres_to_nm, nm_to_metres
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.frames import Frames, check_size, named, read_frames, warn_of_copies
 from tmca.lab.ground_truth.spectra import read_spectra
 from tmca.lab.importing import dark_noise
@@ -154,10 +154,10 @@ def _bands(frames: Frames, asked: NDArray[np.float64] | None) -> tuple[Frames, N
 
 def _averaged(frames: Frames, band: NDArray[np.intp]) -> Frames:
     """The mean of each band's frames, saturated where one of them is; ``band`` (N,) is the band of every frame."""
-    own = [np.flatnonzero(band == i) for i in range(band.max() + 1)]
-    values = np.stack([frames.values[i].mean(axis=0, dtype=np.float64) for i in own]).astype(np.float32)
-    saturated = np.stack([frames.saturated[i].any(axis=0) for i in own])
-    return replace(frames, names=tuple(frames.names[i[0]] for i in own), values=values, saturated=saturated)
+    members = [np.flatnonzero(band == i) for i in range(band.max() + 1)]
+    values = np.stack([frames.values[i].mean(axis=0, dtype=np.float64) for i in members]).astype(np.float32)
+    saturated = np.stack([frames.saturated[i].any(axis=0) for i in members])
+    return replace(frames, names=tuple(frames.names[i[0]] for i in members), values=values, saturated=saturated)
 
 
 def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int_], float]:
@@ -166,8 +166,8 @@ def _dark(frames: Frames, nm: NDArray[np.float64]) -> tuple[NDArray[np.float64],
         found = f"{frames.saturated.mean():.0%} of the dark pixels saturated"
         raise DataError(frames.source, found, "dark frames", "cover the lens")
     if all(_NM.search(name) for name in frames.names) and len(frames.names) > 1 and nm.size > 1:
-        own, _, counts = _bands(frames, nm)
-        dark = own.values.astype(np.float64)
+        averaged, _, counts = _bands(frames, nm)
+        dark = averaged.values.astype(np.float64)
         spread = np.diff(dark, axis=0).std(axis=(1, 2)) / np.sqrt(1 / counts[1:] + 1 / counts[:-1])
         return dark, counts, float(np.median(spread))
     mean, count = frames.values.mean(axis=0, dtype=np.float64)[None], len(frames.names)
@@ -230,8 +230,10 @@ def measure_reflectance(
 def _unlikely(cube: Array, good: NDArray[np.bool_], std: Array, scan: Scan) -> dict[str, float]:
     """Residuals that scans of real surfaces leave small: a reflectance above white or below the dark."""
     values = np.where(good, cube, np.nan)
-    medians = np.array([np.median(one[own]) if own.any() else np.nan for one, own in zip(cube, good, strict=True)])
-    noise = np.array([np.median(one[own]) if own.any() else np.nan for one, own in zip(std, good, strict=True)])
+    medians, noise = (
+        np.array([np.median(band[valid]) if valid.any() else np.nan for band, valid in zip(part, good, strict=True)])
+        for part in (cube, std)
+    )
     return {
         "median_reflectance": float(np.nanmedian(values)),
         "below_the_dark": float(np.nanmax(np.maximum(-medians / noise, 0.0))),
@@ -241,10 +243,10 @@ def _unlikely(cube: Array, good: NDArray[np.bool_], std: Array, scan: Scan) -> d
 def _variance(scan: Scan, read_noise: float | None, gain: float) -> float:
     """Of a frame without light; that of the dark frames where no ``read_noise`` is given."""
     for name, value in (("read_noise", read_noise), ("gain", gain)):
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise SettingError(name, repr(value), "a number from 0 up")
-    own = scan.read_noise if read_noise is None else read_noise
-    floor = own**2 + scan.scene.step**2 / 12
+        if value is not None:
+            check_range(name, value, 0)
+    sigma = scan.read_noise if read_noise is None else read_noise
+    floor = sigma**2 + scan.scene.step**2 / 12
     if read_noise is None and not floor:
         raise SettingError("read_noise", "none in the dark frames", "that of a frame (--read-noise)")
     return float(floor)

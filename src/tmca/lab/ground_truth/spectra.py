@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import metres_to_nm
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.metrics import sam
 
 if TYPE_CHECKING:
@@ -44,8 +44,7 @@ class Spectra:
             DataError: bands outside the file's wavelengths by more than a nanometre.
             SettingError: a negative width.
         """
-        if not width_nm >= 0:
-            raise SettingError("bandwidth", repr(width_nm), "nanometres from 0 up")
+        check_range("bandwidth", width_nm, 0, unit="nm")
         if nm.min() < self.nm[0] - 1 or nm.max() > self.nm[-1] + 1:
             found = f"spectra from {self.nm[0]:g} to {self.nm[-1]:g} nm"
             raise DataError(self.source, found, f"{nm.min():g} to {nm.max():g} nm", "measure or choose those bands")
@@ -176,12 +175,11 @@ def compare_spectra(
     if not points:
         raise SettingError("points", "none", "NAME=ROW,COLUMN for each reference")
     nm = metres_to_nm(cube["wavelength"].values)
-    known = dict(zip(references.names, references.at(nm, width_nm), strict=True))
+    by_name = dict(zip(references.names, references.at(nm, width_nm), strict=True))
     for name in points:
-        if name not in known:
-            raise SettingError("points", name, f"a reference in {references.source} ({', '.join(known)})")
+        check_choice("points", name, by_name)
     responses = {} if filters is None else dict(zip(filters.names, filters.at(nm), strict=True))
-    return [_compared(cube, nm, name, place, known[name], box, responses) for name, place in points.items()]
+    return [_compared(cube, nm, name, place, by_name[name], box, responses) for name, place in points.items()]
 
 
 def _compared(

@@ -8,13 +8,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tmca.cameras import CodedCamera
 from tmca.decoders.nets.network import TILE
-from tmca.decoders.nets.tiles import Tile, keeps_columns, tiles
-from tmca.operators import TapOperator
-from tmca.training.captures import Captures, Windows
+from tmca.decoders.nets.tiles import Tile, tiles
 from tmca.training.patches import Patch
 from tmca.training.system import Seen, System, TrainingSystem
+from tmca.tuning.captures import Captures, Windows
 
 WHOLE = 256
 """Rows up to which captures are taken whole where the settings do not say."""
@@ -39,17 +37,12 @@ class TunedSystem(System):
         super().__init__(simulated.camera, simulated.network)
         self._simulated = (simulated,)  # in a tuple: its modules are those that are registered here
         self.captures = captures
-        self.windows = Windows(captures.learned, captures.size, side or WHOLE, self.mixes_columns, batch, seed)
+        self.windows = Windows(captures.learned, captures.size, side or WHOLE, simulated.mixes_columns, batch, seed)
 
     @property
     def simulated(self) -> TrainingSystem:
         """Camera and network in a training by simulation."""
         return self._simulated[0]
-
-    @property
-    def mixes_columns(self) -> bool:
-        """Whether the network needs whole rows, because the optics lay light of a scene column on other columns."""
-        return isinstance(self.camera, CodedCamera) and not keeps_columns(TapOperator(self.camera.taps()))
 
     def forward(
         self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
@@ -75,7 +68,8 @@ class TunedSystem(System):
         size: tuple[int, int] = self.camera.size
         rows: int = side or getattr(self.network, "tile", TILE)  # type: ignore[assignment]
         made = list[Tensor]()
-        for tile in tiles(self.network, size, (rows, size[1] if self.mixes_columns else rows), self._period):
+        sides = (rows, size[1] if self.simulated.mixes_columns else rows)
+        for tile in tiles(self.network, size, sides, self.simulated.tile_size):
             parts = self.simulated.tensors(self.estimate(which, tile))
             made = made or [part.new_zeros(*part.shape[:-2], *size, dtype=torch.float32) for part in parts]
             for picture, part in zip(made, parts, strict=True):
@@ -97,13 +91,8 @@ class TunedSystem(System):
         """See `System`."""
         return self.simulated.figures()
 
-    @property
-    def _period(self) -> int:
-        """Pixels of the tile of codes that a window must begin with."""
-        return int(getattr(self.camera, "tile_size", 1))
-
     def _tile(self, place: Sequence[slice]) -> Tile:
-        return Tile.of(self.network, (place[0], place[1]), self.camera.size, self._period)
+        return Tile.of(self.network, (place[0], place[1]), self.camera.size, self.simulated.tile_size)
 
     def _moved(self, values: Tensor) -> Tensor:
         return values.to(self.camera.response.device)

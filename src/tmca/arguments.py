@@ -1,0 +1,152 @@
+"""Arguments as their annotations say: what a public call takes is declared once, in its signature."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import is_dataclass
+from functools import partial, wraps
+from inspect import Parameter, Signature, signature
+from types import NoneType, SimpleNamespace, UnionType
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
+
+from tmca.errors import SettingError
+
+T = TypeVar("T")
+_LONGEST = 60
+_SIMPLE = {
+    "str": "a name", "bool": "True or False", "int": "a whole number", "float": "a number", "Path": "a path",
+    "Sequence": "a list", "Mapping": "names with values",
+}  # fmt: skip
+"""Python's types in words."""
+
+
+def plain(value: Any) -> Any:
+    """Python's numbers, or lists of them, of what numpy, torch and xarray hold; other values as they are."""
+    return value.__array__().tolist() if hasattr(value, "__array__") and not isinstance(value, type) else value
+
+
+def _one(value: Any) -> Any:
+    """A text as a list of one."""
+    return [value] if isinstance(value, str) else value
+
+
+_Plain = BeforeValidator(plain)
+Int = Annotated[int, Strict(), _Plain, "a whole number"]
+Float = Annotated[float, Strict(), _Plain, "a number"]
+Count = Annotated[int, Strict(), Field(ge=1), _Plain, "a whole number, 1 or more"]
+Share = Annotated[float, Strict(), Field(ge=0, le=1), _Plain, "a number, 0 to 1"]
+Seed = Annotated[int, Strict(), Field(ge=0, lt=2**30), _Plain, "a whole number, 0 or more and below 2^30"]
+Ints = Annotated[Sequence[Int], _Plain, AfterValidator(tuple), "whole numbers"]
+Floats = Annotated[Sequence[Float], _Plain, AfterValidator(tuple), "a list of numbers"]
+Pair = Annotated[tuple[Float, Float], _Plain, "two numbers"]
+IntPair = Annotated[tuple[Int, Int], _Plain, "two whole numbers"]
+Size = Annotated[tuple[Count, Count], _Plain, "two whole numbers, 1 or more each"]
+Kind = Annotated[str, "the kind of a camera, such as its .kind"]
+Names = Annotated[Sequence[str], BeforeValidator(_one), AfterValidator(tuple), "a name or a list of names"]
+"""Types of arguments: numbers are those of numpy and torch too, but no texts and no True; the text is for errors."""
+
+
+def checked(called: T) -> T:
+    """A function, or a class with a constructor, that takes its arguments as their annotations say.
+
+    Arguments without an annotation are not looked at. What is converted is said by the types of this module; classes
+    have to be what they are. Annotations are resolved at the first call: they may name what is defined below.
+
+    Raises, when called:
+        SettingError: the first argument that is none of its type, or an unknown one; ``where`` is its name.
+    """
+    if isinstance(called, type):
+        called.__init__ = checked(called.__init__)  # type: ignore[misc]
+        return called
+    function: Any = called
+    takes, types = signature(function), dict[str, tuple[TypeAdapter[Any], str]]()
+
+    @wraps(function)
+    def checking(*given: Any, **named: Any) -> Any:
+        try:
+            bound = takes.bind(*given, **named)
+        except TypeError:
+            _refuse_unknown(takes, named)
+            return function(*given, **named)  # raises as Python does: one is missing, or too many
+        if not types:
+            types.update(_types(function, takes))
+        for name, value in bound.arguments.items():
+            if name in types:
+                bound.arguments[name] = _taken(takes.parameters[name], value, types[name])
+        return function(*bound.args, **bound.kwargs)
+
+    return checking  # type: ignore[return-value]
+
+
+def _refuse_unknown(takes: Signature, named: Mapping[str, Any]) -> None:
+    known = [name for name in takes.parameters if name != "self"]
+    for name in named:
+        if name not in known:
+            raise SettingError(name, "an unknown name", f"one of {', '.join(known)}", "leave it out")
+
+
+def _types(function: Any, takes: Signature) -> dict[str, tuple[TypeAdapter[Any], str]]:
+    """What arguments are checked by, and what they should be in words."""
+    several = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
+    single = {name for name, parameter in takes.parameters.items() if parameter.kind not in several}
+    annotated = {name: hint for name, hint in function.__annotations__.items() if name in single}
+    names = vars(sys.modules[function.__module__])
+    hints = get_type_hints(SimpleNamespace(__annotations__=annotated), names, include_extras=True)
+    config = ConfigDict(arbitrary_types_allowed=True)
+    return {name: (TypeAdapter(_instances(hint), config=config), _words(hint)) for name, hint in hints.items()}
+
+
+def _instances(hint: Any) -> Any:
+    """A type whose data classes have to be given as such: pydantic would make them of mappings."""
+    if get_origin(hint) in (Union, UnionType):
+        return Union[tuple(map(_instances, get_args(hint)))]  # noqa: UP007
+    if isinstance(hint, type) and is_dataclass(hint):
+        return Annotated[Any, AfterValidator(partial(_instance, hint))]
+    return hint
+
+
+def _instance(kind: type, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise ValueError(kind.__name__)
+    return value
+
+
+def _taken(parameter: Parameter, value: Any, wanted: tuple[TypeAdapter[Any], str]) -> Any:
+    if value is parameter.default:
+        return value
+    try:
+        return wanted[0].validate_python(value)
+    except ValidationError:
+        remedy = "" if parameter.default is Parameter.empty else "leave it out for the usual"
+        raise SettingError(parameter.name, described(value), wanted[1], remedy) from None
+
+
+def _words(hint: Any) -> str:
+    """A type in a few words."""
+    if get_origin(hint) is Annotated:
+        return next((words for words in hint.__metadata__ if isinstance(words, str)), _words(hint.__origin__))
+    if get_origin(hint) in (Union, UnionType):
+        return ", or ".join(_words(part) for part in get_args(hint) if part is not NoneType)
+    if isinstance(hint, TypeVar):
+        return _words(hint.__bound__)
+    if get_origin(hint) is Literal:
+        return ", or ".join(map(repr, get_args(hint)))
+    name = str(getattr(hint, "__name__", hint))
+    return _SIMPLE.get(name) or _a(name)
+
+
+def _a(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+
+
+def described(value: Any) -> str:
+    """A value in a few words, for errors."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if not isinstance(value, str | int | float | list | tuple | dict | None):
+        return _a(type(value).__name__)
+    text = repr(value)
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"

@@ -1,0 +1,109 @@
+"""Scenes that are handed over in memory: of which kind they are, and whether they are light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+from warnings import warn
+
+import numpy as np
+
+from tmca.arguments import described
+from tmca.errors import DataError, check_shape
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_VIEWS = ("view_v", "view_u", "y", "x")
+_CUBE = ("wavelength", "y", "x")
+
+
+class SceneWarning(UserWarning):
+    """What is odd about a scene, said when it is read or simulated."""
+
+
+def as_cube(scene: Any, where: str = "scene") -> xr.DataArray:
+    """A cube (wavelength, y, x) with its wavelengths; of a dataset ``radiance``, or what it holds alone.
+
+    Raises:
+        DataError: no cube.
+    """
+    held = getattr(scene, "data_vars", None)
+    if held is not None:
+        scene = scene["radiance"] if "radiance" in held else next(iter(held.values())) if len(held) == 1 else scene
+    if {*getattr(scene, "dims", ())} != {*_CUBE}:
+        raise DataError(where, _found(scene), "a spectral scene (wavelength, y, x)", "read it with tmca.read")
+    if "wavelength" not in scene.coords:
+        remedy = 'assign_coords(wavelength=("wavelength", metres))'
+        raise DataError(where, "no wavelength coordinate", "the wavelength of every band in metres", remedy)
+    cube: xr.DataArray = scene.transpose(*_CUBE)
+    return cube
+
+
+def as_views(scene: Any, where: str = "scene") -> xr.DataArray:
+    """A light field (view_v, view_u, y, x), its colours first where there are some; of a dataset what it holds alone.
+
+    Raises:
+        DataError: no light field.
+    """
+    held = getattr(scene, "data_vars", None)
+    scene = next(iter(held.values())) if held is not None and len(held) == 1 else scene
+    if {*getattr(scene, "dims", ())} - {"colour"} != {*_VIEWS}:
+        raise DataError(where, _found(scene), "a light field (view_v, view_u, y, x)", _read_as("light-field"))
+    views: xr.DataArray = scene.transpose(..., *_VIEWS)
+    return views
+
+
+def as_depth_scene(scene: Any, where: str = "scene") -> xr.Dataset:
+    """A dataset of ``radiance`` (wavelength, y, x) and ``depth`` (y, x).
+
+    Raises:
+        DataError: no scene with depth.
+    """
+    if not {"radiance", "depth"} <= set(getattr(scene, "data_vars", ())):
+        raise DataError(where, _found(scene), "a dataset of radiance and depth", _read_as("spectral-depth"))
+    return scene.assign(radiance=as_cube(scene["radiance"], where), depth=scene["depth"].transpose("y", "x"))
+
+
+def of_shape(values: np.ndarray, shape: Sequence[Any], where: str) -> np.ndarray:
+    """An array of a scene, without its batch of one.
+
+    Raises:
+        ShapeError: another shape.
+    """
+    one = values[0] if values.ndim == len(shape) + 1 and len(values) == 1 else values
+    check_shape(where, one, tuple(shape), "simulate scenes one by one; camera(scenes) takes tensors of many")
+    return one
+
+
+def check_light(light: xr.DataArray, where: str, least: float = 0.0) -> None:
+    """Raise DataError unless values are relative irradiance: finite numbers, none below ``least``.
+
+    Warns:
+        SceneWarning: values above 1, which is white.
+    """
+    values = np.asarray(light.values)
+    if values.dtype.kind not in "buif":
+        raise DataError(where, f"{values.dtype} values", "relative irradiance, 1 = white")
+    low, high = float(values.min()), float(values.max())
+    if values.dtype.kind in "ui" and high > 1:
+        remedy = "divide them by the largest that they can be, or read them from their file"
+        raise DataError(where, f"{values.dtype} values up to {high:g}", "relative irradiance, 1 = white", remedy)
+    if not np.isfinite(values).all():
+        count = int(np.count_nonzero(~np.isfinite(values)))
+        raise DataError(where, f"{count} NaN or infinite values", "finite ones", "mask or repair them first")
+    if low < least:
+        raise DataError(where, f"values down to {low:g}", "relative irradiance, 0 or more", "set them to 0")
+    if least == 0 and high > 1:
+        warn(f"{where}: values up to {high:.3g}, of which 1 is white", SceneWarning, stacklevel=4)
+
+
+def _found(scene: Any) -> str:
+    sizes = getattr(scene, "sizes", None)
+    if not sizes:
+        return described(scene)
+    return f"{'×'.join(map(str, sizes.values()))} ({', '.join(map(str, sizes))})"
+
+
+def _read_as(kind: str) -> str:
+    return f'read it with tmca.read(…, "{kind}")'

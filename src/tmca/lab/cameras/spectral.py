@@ -1,0 +1,122 @@
+"""The spectral camera on the table: bands one by one, and columns that a measured dispersion displaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from tmca.cameras import SpectralCamera
+from tmca.data import metres_to_nm
+from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.pattern_image import moved, seen_patterns
+from tmca.lab.cameras.base import BRIGHT, check_light
+from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
+from tmca.lab.frames import Array
+from tmca.lab.light import Light
+from tmca.sensor import Sensor
+
+_NEAR = 1e-10
+"""Metres between a wavelength and its band."""
+
+
+class SpectralLab(CodedLab):
+    """Cubes behind a single disperser."""
+
+    kind = "spectral"
+    steps = MASK_STEPS | {"dispersion"}
+    unmeasured = frozenset({"shear", "wavefront"})
+
+    def brightness(self, camera: SpectralCamera, light: Light) -> Array:
+        """See ``CodedLab``."""
+        check_light(light.view is None, "one view", "none of a spectral camera")
+        return band_brightness(camera, light.wavelength)
+
+    def wavelengths(self, camera: SpectralCamera) -> Sequence[float]:
+        """See ``LabCamera``."""
+        return middle_first(camera.wavelengths)
+
+    def calibrated(self, camera: SpectralCamera, calibration: Calibration, sensor: Sensor) -> SpectralCamera:
+        """See ``LabCamera``."""
+        if camera.disperser == "dual" or camera.coloured is not None:
+            raise SettingError("camera", "a dual disperser or coloured aperture", "a single disperser to calibrate")
+        aperture, shutter = camera.codes()
+        planes, light = mixed_aperture(aperture, calibration)
+        registration, start = calibration.part("registration"), _reference_shift(camera, calibration)
+        if registration is not None:
+            # scene column n falls on sensor column n + start - origin at the registration's wavelength
+            matrix = moved(registration.matrix, (0.0, camera.dispersion.origin - start))
+            planes = seen_patterns(planes, matrix, camera.size, 0.0 if camera.blurred else registration.blur)
+        measured = calibration.part("dispersion")
+        dispersion = camera.dispersion if measured is None else measured.dispersion(camera.wavelengths, start)
+        response = camera.response.detach().double().numpy() * light
+        if measured is not None:
+            relative = measured.response_at(camera.wavelengths)
+            response = relative * response.sum() / relative.sum()
+        first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent
+        wide = _columns(torch.from_numpy(leaking_shutter(shutter, calibration)), first, width)
+        kappa = torch.from_numpy(response).clamp(min=0).to(torch.get_default_dtype())
+        return camera.replace(
+            codes=grey_codes(planes, wide), dispersion=dispersion, response=kappa, sensor=sensor, beside=(0, 0)
+        )
+
+    def on_camera(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
+        """See ``LabCamera``; 0 in columns where the sensor has no pixel."""
+        first = nominal.dispersion.origin - measured.dispersion.origin
+        return super().on_camera(_columns(values, first, measured.snapshot_shape[2]), nominal, measured)
+
+    def on_sensor(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
+        """See ``LabCamera``; 0 in columns that no light reaches."""
+        return _columns(values, measured.dispersion.origin - nominal.dispersion.origin, nominal.snapshot_shape[2])
+
+    def code_map(self, camera: SpectralCamera, calibration: Calibration) -> Array:
+        """See ``LabCamera``; at the wavelength of the registration."""
+        return moved(np.eye(2, 3), (0.0, _reference_shift(camera, calibration) - camera.dispersion.origin))
+
+
+def band_brightness(camera: Any, wavelength: float | None) -> Array:
+    """(L,) of a white surface in all bands, or in the one of a wavelength (metres), as bright as the sensor bears.
+
+    Raises:
+        DeviceError: no band of the camera.
+    """
+    if wavelength is None:
+        return np.ones(len(camera.wavelengths))
+    chosen = np.abs(np.array(camera.wavelengths) - wavelength) < _NEAR
+    bands = ", ".join(f"{metres_to_nm(one):g}" for one in camera.wavelengths)
+    check_light(bool(chosen.any()), f"{metres_to_nm(wavelength):g} nm", f"a band of the camera: {bands} nm")
+    response = camera.response.detach()
+    return chosen * BRIGHT * camera.white / float(response.sum(0).max() if response.ndim == 2 else response.max())
+
+
+def middle_first(bands: Sequence[float]) -> Sequence[float]:
+    """Bands by their distance from the middle one."""
+    middle = sorted(bands)[len(bands) // 2]
+    return tuple(sorted(bands, key=lambda one: abs(one - middle)))
+
+
+def _columns(values: Tensor, first: int, width: int) -> Tensor:
+    """(…, W) values on a wider or narrower sensor, 0 where they have no column; the first one falls on ``first``."""
+    laid = values.new_zeros(*values.shape[:-1], width)
+    start, stop = max(0, first), min(width, first + values.shape[-1])
+    laid[..., start:stop] = values[..., start - first : stop - first]
+    return laid
+
+
+def _reference_shift(camera: SpectralCamera, calibration: Calibration) -> float:
+    """Nominal displacement at the wavelength of the registration, pixels; DataError where that is unknown."""
+    registration, measured = calibration.part("registration"), calibration.part("dispersion")
+    if registration is None and measured is None:
+        return 0.0
+    if registration is None:
+        return camera.dispersion.displacement[0] - float(measured.at(camera.wavelengths)[0, 1])
+    if registration.wavelength is None:
+        remedy = "measure it under monochromatic light and give tmca calibrate registration --wavelength"
+        raise DataError(calibration.where, "a registration of unknown wavelength", "one for a disperser", remedy)
+    by_wave = np.argsort(camera.wavelengths)
+    waves, shifts = np.array(camera.wavelengths)[by_wave], np.array(camera.dispersion.displacement)[by_wave]
+    return float(np.interp(registration.wavelength, waves, shifts))

@@ -1,0 +1,229 @@
+"""How a prior is found for a camera: given, read, learned from scenes, or learned once from the rendered ones."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import os
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from math import prod
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.errors import DataError, SettingError, check_choice, check_range
+from tmca.priors.learning import common_channels, cubes_of, fitting_block, source_of, usual_block, values_of
+from tmca.priors.prior import Prior, check_kind, load_prior
+from tmca.priors.spectral_depth import WINDOW, needed_block
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Progress = Callable[[float, str], None]
+"""Takes the share that is done, and what is done next."""
+_SIZE, _RANGE = (256, 256), (400e-9, 700e-9)
+_VIEWS_SIZE, _VIEWS_SEEDS = (128, 160), (0, 1)
+_RENDERING = 1
+"""Raised when the rendering changes: priors cached by earlier versions are then learned anew."""
+_FROM_SCENES = ("sources", "wavelengths", "views", "seed", "progress")
+"""Arguments of ``learn`` that are no settings of a kind."""
+
+
+def find_prior(
+    camera: Any,
+    given: str | Path | Prior | None = None,
+    kind: str = "gaussian",
+    progress: Progress | None = None,
+    *,
+    block: tuple[int, int] | None = None,
+) -> Any:
+    """The prior of a camera's scenes.
+
+    That of the rendered scenes is learned on first use and cached in the folder ``TMCA_CACHE``, or ``tmca`` in the
+    user's cache folder.
+
+    Args:
+        camera: whose bands or views the prior has to have.
+        given: it, its file, or None for that of the rendered scenes.
+        kind: ``"gaussian"``, ``"mixture"`` or ``"dictionary"``.
+        progress: called where it has to be learned.
+        block: (rows, columns) of the rendered scenes' prior instead of the camera's.
+
+    Raises:
+        DataError: no such file, or no prior in it.
+        SettingError: a prior of another kind or at other bands, or a camera for which nothing is rendered.
+        ShapeError: another number of bands or views.
+    """
+    if given is None:
+        return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
+    prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
+    check_kind(prior, kind)
+    prior.check(camera)
+    return prior
+
+
+def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: Progress) -> Prior:
+    """The prior of the rendered training scenes: cached, or learned now."""
+    from tmca.data import make_folder
+
+    check_choice("kind", kind, Prior.kinds)
+    cls = Prior.kinds[kind]
+    if not cls.of_rendered:
+        raise SettingError(cls.argument, "none", cls.called, f"learn one with {cls.learned_by}")
+    identity, scenes = _rendered_scenes(camera)
+    identity |= {"block": block or block_of(camera, kind), "learner": [kind, cls.version, _defaults(cls, camera.views)]}
+    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
+    folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"
+    label = kind if camera.views is None else f"light-field-{kind}"
+    file = Path(os.environ.get("TMCA_CACHE", folder)) / f"rendered-{label}-{digest}.nc"
+    if file.exists():
+        try:
+            return load_prior(file)
+        except DataError:
+            pass  # a damaged file of ours: learned anew below, and replaced
+    examples = []
+    for index, (name, render) in enumerate(scenes):
+        progress(0.5 * index / len(scenes), f"first use: rendering {name} for the prior, which is then cached")
+        examples.append(values_of(render()).assign_attrs(name=name))
+    progress(0.5, f"first use: learning the {kind} prior, which is then cached")
+    prior = learn_prior(examples, camera, kind, block=block)
+    make_folder(file.parent)
+    prior.save(file, overwrite=True)
+    return prior
+
+
+def _rendered_scenes(camera: Any) -> tuple[dict[str, Any], list[tuple[str, partial[xr.Dataset]]]]:
+    """What decides the training scenes, and these by name, each rendered when called."""
+    from tmca import __version__, data
+
+    rendering = {"rendering": _RENDERING, "version": __version__}
+    if camera.views is not None:
+        side, names = camera.views[0], sorted(data.split_rendered_light_fields()["train"])
+        if camera.views != (side, side):
+            found, wanted = f"none for {side}×{camera.views[1]} views", "one: the rendered light fields are square"
+            raise SettingError("prior", found, wanted, "learn one")
+        size, render = _VIEWS_SIZE, data.rendered_light_field
+        calls = [(n, partial(render, n, views=side, size=size, seed=seed)) for n in names for seed in _VIEWS_SEEDS]
+        return {**rendering, "views": side, "scenes": names, "size": size, "seeds": _VIEWS_SEEDS}, calls
+    lengths, names = list(camera.wavelengths), sorted(data.split_rendered()["train"])
+    if not lengths or min(lengths) < _RANGE[0] - 1e-12 or max(lengths) > _RANGE[1] + 1e-12:
+        bands = f"bands from {min(lengths) * 1e9:.4g} to {max(lengths) * 1e9:.4g} nm" if lengths else "no bands"
+        remedy = "pass --prior with one from `tmca prior learn --all-bands`, or use admm-tv"
+        raise SettingError("prior", bands, "400 to 700 nm, where the rendered scenes are given", remedy)
+    picometres = [round(length * 1e12) for length in lengths]
+    calls = [(n, partial(data.rendered_scene, n, wavelengths=lengths, size=_SIZE)) for n in names]
+    return {**rendering, "picometres": picometres, "scenes": names, "size": _SIZE}, calls
+
+
+def _defaults(cls: type[Prior], views: tuple[int, int] | None) -> dict[str, Any]:
+    """Settings of ``learn`` where none are given."""
+    defaults = {one.name: one.default for one in _keywords(cls) if one.name not in _FROM_SCENES}
+    return defaults | (dict(cls.settings_of_views) if views is not None else {})
+
+
+def _keywords(cls: type[Prior]) -> list[inspect.Parameter]:
+    """The keyword arguments of a kind's ``learn``."""
+    return [one for one in inspect.signature(cls.learn).parameters.values() if one.kind is one.KEYWORD_ONLY]
+
+
+def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> tuple[int, int]:
+    """(rows, columns) of the blocks of a camera's prior.
+
+    Args:
+        camera: of any kind.
+        kind: of the prior.
+        window: side of the windows that depth is decoded from; the usual one, or a tile of the codes, if None. Smaller
+            windows share the blocks of usual ones.
+
+    Raises:
+        SettingError: no window is given for a camera of depth whose shutter patterns do not repeat.
+    """
+    if camera.psf_window is not None:
+        side = camera.tile_size if window is None else window
+        return needed_block(max(WINDOW, side), camera.psf_window)
+    return usual_block(kind, prod(camera.scene_shape[:-2]), camera.dispersion_extent, camera.views)
+
+
+def learn_prior(
+    scenes: Iterable[xr.DataArray | xr.Dataset],
+    camera: Any = None,
+    kind: str = "gaussian",
+    *,
+    extent: int = 0,
+    block: tuple[int, int] | None = None,
+    seed: int = 0,
+    **settings: Any,
+) -> Prior:
+    """Learn a prior from example scenes.
+
+    Args:
+        scenes: cubes (wavelength, y, x), all with the same wavelengths, or light fields (view_v, view_u, y, x), or with
+            colours first, which count as light fields of their own, all of the same views; relative irradiance, or
+            datasets that hold them; one, or several.
+        camera: whose ``block_of`` the prior gets; that of most cameras shrinks to the smallest scene.
+        kind: ``"gaussian"``, ``"mixture"`` or, of light fields, ``"dictionary"``.
+        extent: columns by which dispersion widens the snapshot, for cubes without a camera.
+        block: (rows, columns) instead of the camera's.
+        seed: of random blocks.
+        settings: further ones of the ``learn`` of that kind.
+
+    Raises:
+        SettingError: no scenes, or a kind that there is not.
+        ShapeError: scenes with other axes.
+        DataError: scenes of different wavelengths or views, or smaller than a block that is needed.
+    """
+    examples = _examples(scenes)
+    about = common_channels(examples)
+    views = about.get("views")
+    cls = _learner(kind, settings, views)
+    if camera is not None and (views is None) != (camera.views is None):
+        found, wanted = ("light fields", "cubes") if views else ("cubes", "light fields")
+        raise SettingError("scenes", found, f"{wanted}, of which the {camera.kind} camera takes snapshots")
+    needed = block is not None or (camera is not None and camera.psf_window is not None)
+    if block is not None:
+        _check_block(block)
+    elif camera is not None:
+        block = block_of(camera, kind)
+    else:
+        check_range("extent", extent, 0, whole=True)
+        block = usual_block(kind, len(about.get("wavelengths", ())), extent, views)
+    about |= {"seed": seed} if any(one.name == "seed" for one in _keywords(cls)) else {}
+    about |= cls.settings_of_views if views is not None else {}
+    about |= {"sources": [source_of(example) for example in examples], **settings}
+    cubes = [cube for example in examples for cube in cubes_of(example)]
+    return cls.learn(cubes, fitting_block(examples, block, needed), **about)
+
+
+def _examples(scenes: Any) -> list[xr.DataArray]:
+    """The cubes or light fields of scenes, one or several."""
+    if hasattr(scenes, "dims"):
+        return [values_of(scenes)]
+    if isinstance(scenes, str) or not isinstance(scenes, Iterable):
+        raise SettingError("scenes", repr(scenes), "labelled cubes or light fields", "read them with tmca.read")
+    examples = [values_of(scene) for scene in scenes]
+    if not examples:
+        raise SettingError("scenes", "none", "at least one")
+    return examples
+
+
+def _learner(kind: str, settings: dict[str, Any], views: tuple[int, int] | None) -> type[Prior]:
+    """The class of a kind; SettingError for a kind that there is not or not of cubes, or a setting it does not have."""
+    check_choice("kind", kind, Prior.kinds)
+    cls = Prior.kinds[kind]
+    if cls.of_views and views is None:
+        raise SettingError("kind", f"{kind!r} for cubes", "another: it is learned from light fields")
+    names = [one.name for one in _keywords(cls)]
+    takes_any = any(one.kind is one.VAR_KEYWORD for one in inspect.signature(cls.learn).parameters.values())
+    for name, value in settings.items():
+        if name not in names and not takes_any:
+            choices = ", ".join(one for one in names if one not in _FROM_SCENES)
+            raise SettingError(name, repr(value), f"one of {choices}" if choices else "no settings", "leave it out")
+    return cls
+
+
+def _check_block(block: Any) -> None:
+    if not isinstance(block, Sequence) or len(block) != 2:
+        raise SettingError("block", repr(block), "(rows, columns)")
+    for side in block:
+        check_range("block", side, 1, whole=True, unit="pixels")

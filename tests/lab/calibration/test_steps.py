@@ -1,0 +1,257 @@
+"""Every step of every camera on the simulated bench: its frames, its fit against the hidden faults, its file, its use.
+
+A new step or camera is tested here by a row of ``TRUTHS`` and a bench.
+"""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+import torch
+
+from tests.lab.acquisition.test_capture import exported
+from tests.lab.calibration.test_capturing import light_field
+from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
+from tmca.errors import DataError
+from tmca.lab.acquisition.drivers import find_device
+from tmca.lab.calibration.apply import calibrated, check_fits
+from tmca.lab.calibration.capturing import capture_step, shots_of
+from tmca.lab.calibration.file import KINDS, Calibration, kind_of, load_calibration
+from tmca.lab.calibration.fits import StepSettings
+from tmca.lab.calibration.psf import MODES
+from tmca.lab.calibration.shots import Asked
+from tmca.lab.calibration.steps import STEPS, measure, measure_all, part_figure, step_of, steps_of
+from tmca.lab.cameras import LAB_CAMERAS
+from tmca.lab.display.manifest import exposed_whole, read_manifest
+from tmca.optics import ZernikeHeights
+from tmca.sensor import Sensor
+
+NOISE, SLOTS = 1e-3, 3
+SENSOR = Sensor(NOISE, full_well=5000)
+
+
+def spectral():
+    waves = [450e-9, 510e-9, 580e-9, 650e-9]
+    return SpectralCamera(waves, (34, 41), SLOTS, shutter="one-hot", seed=2, sensor=SENSOR)
+
+
+def spectral_depth():
+    maps = ZernikeHeights(2.5e-8 * torch.randn(2, 12, generator=torch.Generator().manual_seed(1)), MODES, (64, 64))
+    how = {"slots": 2, "mask": maps, "shutter": "one-hot", "filters": "clear", "sensor": Sensor(NOISE)}
+    return SpectralDepthCamera.from_preset("quick", size=(60, 65), **how)
+
+
+BENCHES = {
+    "spectral": (spectral, ("dli4120", "coded-exposure"), Hardware(misregistration=(0.7, -0.4), delay=0.15)),
+    "light-field": (
+        lambda: light_field((32, 35), SLOTS).replace(sensor=SENSOR),
+        ("dli4120", "coded-exposure"),
+        Hardware(misregistration=(0.5, -0.7), shear_error=0.1),
+    ),
+    "spectral-depth": (spectral_depth, ("dmp40", "coded-exposure"), Hardware(wavefront_error=60e-9)),
+}
+
+
+class Bench:
+    """A simulated bench with hidden faults, the frames of all its steps, and what they say."""
+
+    def __init__(self, folder, kind):
+        make, devices, self.hardware = BENCHES[kind]
+        self.camera, self.folder = make(), folder / "bench"
+        self.export = exported(folder, self.camera, *devices)
+        self.manifest = read_manifest(self.export)
+        self.steps = steps_of(self.camera, self.manifest)
+        waves = LAB_CAMERAS[kind].wavelengths(self.camera)
+        self.asked = Asked(8, tuple(waves), tuple(LAB_CAMERAS[kind].depths(self.camera)))
+        for index, step in enumerate(self.steps):
+            how = {"hardware": self.hardware, "taken": 1000 * index, "whole": exposed_whole(self.manifest)}
+            device = find_device("simulated", camera=self.camera, scene=[], **how)
+            capture_step(step, self.export, device, self.folder, self.camera, self.asked, bench={"driver": "simulated"})
+        self.given = StepSettings(curve="measured", camera=folder / "taken.nc")
+        self.calibration = list(measure_all(self.folder, Calibration.empty(kind), self.given))[-1][1]
+
+    def truth(self):
+        """The camera as its bench really is."""
+        return imperfect(self.camera, self.hardware, outside="dark")
+
+
+@pytest.fixture(scope="module")
+def benches(tmp_path_factory):
+    made = {}
+
+    def bench(kind):
+        if kind not in made:
+            made[kind] = Bench(tmp_path_factory.mktemp(kind), kind)
+        return made[kind]
+
+    return bench
+
+
+MEASURED = [
+    (kind, name)
+    for kind in BENCHES
+    for name, step in STEPS.items()
+    if name in LAB_CAMERAS[kind].steps and step.fit is not None
+]
+each_step = pytest.mark.parametrize(("kind", "name"), MEASURED, ids=[" ".join(one) for one in MEASURED])
+
+
+def part_names(bench, name):
+    """Parts of a calibration that a step measures."""
+    return [part for part in bench.calibration.parts if step_of(part).name == name]
+
+
+def test_every_camera_of_the_table_and_every_part_is_on_a_bench_here():
+    assert set(BENCHES) == set(LAB_CAMERAS)
+    assert {name.replace("psf", "wavefront") for _, name in MEASURED} | {"psf"} == set(KINDS)
+    assert set(TRUTHS) == {name for _, name in MEASURED}
+
+
+@each_step
+def test_a_step_has_its_frames(benches, kind, name):
+    bench = benches(kind)
+    for step in (step for step in bench.steps if kind_of(step) == name):
+        shots = shots_of(step, bench.camera, bench.manifest, bench.asked)
+        assert sorted(file.stem for file in (bench.folder / step).glob("*.tif")) == sorted(s.name for s in shots)
+
+
+@each_step
+def test_a_fit_states_residuals_within_their_limits(benches, kind, name):
+    bench = benches(kind)
+    parts = part_names(bench, name)
+    assert parts
+    for part in parts:
+        about = bench.calibration.about["steps"][part]
+        assert about["residuals"]["quality"] <= 1
+        assert set(STEPS[name].limits) <= set(about["residuals"]) or part.startswith("psf")
+        assert about["sources"][0]["path"].startswith(str(bench.folder))
+        assert about["measured"]
+
+
+def dark(bench, part):
+    """The frames of a sensor with channels are their mean."""
+    device = find_device("simulated", camera=bench.camera, scene=[])
+    read = bench.camera.noise.read / bench.camera.snapshot_shape[0] ** 0.5
+    assert part.noise * device.gain == pytest.approx(read, rel=0.1)
+    assert np.median(part.mean) == pytest.approx(device.black, abs=1)
+
+
+def flat(bench, part):
+    device = find_device("simulated", camera=bench.camera, scene=[])
+    assert part.level * device.gain == pytest.approx(0.5 * bench.camera.full_scale, rel=5e-3)
+    assert part.nonuniformity < 5e-3
+
+
+def linearity(bench, part):
+    device = find_device("simulated", camera=bench.camera, scene=[])
+    electrons = device.gain * SENSOR.full_well / bench.camera.white * bench.camera.exposures
+    assert part.gain == pytest.approx(electrons, rel=0.1)
+    assert part.largest_deviation < 0.01
+
+
+def registration(bench, part):
+    """The middle of the mask is displaced by what the hardware says, seen from where it was drawn."""
+    middle = np.array([(n - 1) / 2 for n in part.codes] + [1])
+    drawn = LAB_CAMERAS[bench.camera.kind].code_map(bench.camera, bench.calibration)
+    np.testing.assert_allclose((part.matrix - drawn) @ middle, bench.hardware.shift, atol=0.06)
+
+
+def timing(bench, part):
+    assert part.delay == pytest.approx(bench.hardware.delay, abs=3e-3)
+    assert part.ratio == pytest.approx(1, abs=3e-3)
+
+
+def dispersion(bench, part):
+    seen = np.array(bench.camera.dispersion.displacement)
+    np.testing.assert_allclose(np.diff(part.shifts[:, 1]), np.diff(seen), atol=0.1)
+
+
+def shear(bench, part):
+    np.testing.assert_allclose(part.step, 1 + bench.hardware.shear_error, atol=0.03)
+
+
+def psf(bench, part):
+    if isinstance(part, KINDS["psf"]):
+        np.testing.assert_allclose(part.values.sum(axis=(2, 3)), 1, atol=1e-6)
+        return
+    true, drawn, fitted = (
+        one.psf() for one in (bench.truth(), bench.camera, calibrated(bench.camera, bench.calibration))
+    )
+    assert float((fitted - true).norm()) < 0.2 * float((drawn - true).norm())
+
+
+TRUTHS = {one.__name__: one for one in (dark, flat, linearity, registration, timing, dispersion, shear, psf)}
+
+
+@each_step
+def test_a_fit_finds_what_the_bench_hides(benches, kind, name):
+    bench = benches(kind)
+    for part in part_names(bench, name):
+        TRUTHS[name](bench, bench.calibration.part(part))
+
+
+@each_step
+def test_a_part_comes_back_from_its_file(benches, tmp_path, kind, name):
+    bench = benches(kind)
+    parts = part_names(bench, name)
+    back = load_calibration(bench.calibration.only(*parts).save(tmp_path / "one").path)
+    assert set(back.parts) == set(parts)
+    for part in parts:
+        written, read = bench.calibration.part(part), back.part(part)
+        for field in fields(written):
+            np.testing.assert_array_equal(getattr(read, field.name), getattr(written, field.name))
+        assert (
+            back.about["steps"][part]["residuals"].keys() == bench.calibration.about["steps"][part]["residuals"].keys()
+        )
+
+
+@each_step
+def test_a_part_alone_can_be_applied(benches, kind, name):
+    bench = benches(kind)
+    alone = bench.calibration.only(*part_names(bench, name))
+    camera = calibrated(bench.camera, alone)
+    assert camera.kind == kind
+    assert camera.scene_shape == bench.camera.scene_shape
+    foreign = [
+        other for other in BENCHES if part_names(bench, name)[-1].rstrip("0123") in LAB_CAMERAS[other].unmeasured
+    ]
+    for other in foreign:
+        with pytest.raises(DataError, match=f"one of a {other} camera"):
+            check_fits(benches(other).camera, alone)
+
+
+@each_step
+def test_a_part_is_drawn(benches, kind, name):
+    bench = benches(kind)
+    figure = part_figure(bench.calibration, part_names(bench, name)[-1], name)
+    assert all(axes.has_data() for axes in figure.axes[:2])
+
+
+@each_step
+def test_a_step_needs_those_before_it(benches, kind, name):
+    bench = benches(kind)
+    for need in STEPS[name].needs:
+        with pytest.raises(DataError, match=f"found no {need}, expected one, on which {name} builds"):
+            measure(name, bench.calibration.without(need), bench.folder / name, bench.given)
+
+
+@pytest.mark.parametrize("kind", BENCHES)
+def test_all_steps_together_make_the_camera_of_the_bench(benches, kind):
+    """Of the bench's image of a scene the calibrated camera leaves a fraction of what the drawn one does."""
+    bench = benches(kind)
+    fine = torch.rand(1, *bench.camera.scene_shape, generator=torch.Generator().manual_seed(3))
+    scene = (torch.nn.functional.avg_pool2d(fine.flatten(1, -3), 5, 1, 2).reshape(fine.shape),)
+    if kind == "spectral-depth":
+        scene += (torch.full((1, 1, *bench.camera.size), float(bench.camera.planes.metres[2])),)
+    lab, nominal = LAB_CAMERAS[kind], bench.camera
+    known = calibrated(nominal, bench.calibration)
+    with torch.no_grad():
+        true, drawn = (one.exact(*scene) for one in (bench.truth(), nominal))
+        image = lab.on_sensor(known.exact(*scene), nominal, known)
+    assert float((image - true).norm()) < 0.4 * float((drawn - true).norm())
+
+
+def test_points_need_the_camera_that_they_are_of(benches):
+    bench = benches("spectral-depth")
+    with pytest.raises(DataError, match="--snapshot"):
+        measure("psf0", bench.calibration, bench.folder / "psf0")
