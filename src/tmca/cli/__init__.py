@@ -67,6 +67,8 @@ def _misspelt(error: Exception, tokens: list[str]) -> str:
         from tmca.specs import first_error
 
         return _in_options(first_error(error.__cause__), tokens)
+    if unused := getattr(error, "unused_tokens", None):
+        return f"found {' '.join(unused)!r} too much, expected what --help of this command shows"
     said = " ".join(str(error).split())
     return said if tokens else f"{said} Try `tmca --help`."
 

@@ -36,8 +36,9 @@ def markdown(results: Row, study: Study) -> str:
         f"Command: `{results['command']}` at commit `{results['commit']}`.",
         "",
     ]
-    lines += [f"Learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in all rows. Means "
-              "over scenes of means over seeds, then scene by scene.", ""]  # fmt: skip
+    measured = ", ".join(split["test"])
+    lines += [f"What is learned is learned from {learned}; measured on {measured}. Equal exposure time in all rows. "
+              "Means over scenes of means over seeds, then scene by scene.", ""]  # fmt: skip
     for noise in dict.fromkeys(row["noise"] for row in rows):
         lines += [f"## {noise}", "", _table([row for row in rows if row["noise"] == noise], study)]
     return "\n".join(lines)
