@@ -130,7 +130,7 @@ def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
 @pytest.mark.slow
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
     monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("tmca.priors.prior._VIEWS_SIZE", (40, 48))
+    monkeypatch.setattr("tmca.priors.finding._VIEWS_SIZE", (40, 48))
     found = run_demo(tmp_path / "demo", size=(40, 48))
     assert len(found["rows"]) == 10
     assert [row["throughput"] for row in found["light_field"]] == pytest.approx([0.5, 1 / 16], rel=0.2)
