@@ -61,14 +61,15 @@ def _asks_for_help(tokens: list[str]) -> bool:
 
 def _misspelt(error: Exception, tokens: list[str]) -> str:
     """What the command line cannot take, in one line; a value that a spec refuses like every other error."""
+    from cyclopts import UnusedCliTokensError
     from pydantic import ValidationError
 
     if isinstance(error.__cause__, ValidationError):
         from tmca.specs import first_error
 
         return _in_options(first_error(error.__cause__), tokens)
-    if unused := getattr(error, "unused_tokens", None):
-        return f"found {' '.join(unused)!r} too much, expected what --help of this command shows"
+    if isinstance(error, UnusedCliTokensError):
+        return f"found {' '.join(error.unused_tokens or ())!r} too much, expected what --help of this command shows"
     said = " ".join(str(error).split())
     return said if tokens else f"{said} Try `tmca --help`."
 
