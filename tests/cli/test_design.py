@@ -104,7 +104,7 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, ca
         return real(*given, dir=dir, **named)
 
     monkeypatch.setattr("tempfile.TemporaryFile", no_place)
-    assert "Permission denied" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
+    assert "no permission to write" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
     assert sorted(tmp_path.iterdir()) == before
 
 

@@ -190,7 +190,7 @@ def test_no_photograph_is_in_two_splits():
         ({"views": 19}, "views: found 19"),
         ({"disparity": (2.0, -2.0)}, "disparity: found"),
         ({"disparity": (0.0, np.nan)}, "disparity: found"),
-        ({"disparity": (0.0, 50.0)}, "at most 20 px"),
+        ({"disparity": (0.0, 50.0)}, "at most 20 either way"),
         ({"size": (8, 64)}, "size: found"),
         ({"seed": -1}, "seed: found -1"),
     ],

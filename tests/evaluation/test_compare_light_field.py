@@ -142,6 +142,7 @@ def test_designs_are_searched_for_their_noise(found, study):
         assert free["psnr"] >= static["psnr"] - 1e-6
 
 
+@pytest.mark.slow
 def test_results_come_with_a_page_and_pictures_and_stay(found, folder, study):
     out = folder / "out"
     assert json.loads((out / "light-field.json").read_text())["rows"] == json.loads(json.dumps(found["rows"]))
