@@ -100,6 +100,16 @@ def test_no_room_has_an_import_circle(room):
     assert [str(file.relative_to(SOURCE)) for file in needs] == []
 
 
+def test_no_two_public_classes_have_one_name():
+    names = [
+        node.name
+        for file in FILES
+        for node in ast.parse(file.read_text()).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
+    assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
 def test_every_room_has_its_floor():
     rooms = {path.name for path in SOURCE.iterdir() if path.is_dir() and (path / "__init__.py").exists()}
     assert rooms <= set(FLOORS)

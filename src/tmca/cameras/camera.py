@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Size, checked
-from tmca.cameras.parts import Parts
+from tmca.cameras.parts import CameraParts
 from tmca.codes import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.files import TILE, Axes, code_variables, json_attribute, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
@@ -32,7 +32,7 @@ CODING = tuple(Codes.__dataclass_fields__)
 """Parts of the description of codes, which constructors also take one by one."""
 
 
-class Camera(Parts, nn.Module, ABC):
+class Camera(CameraParts, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 from tmca.errors import SettingError, ShapeError, check_choice
 
 
-class Parts:
+class CameraParts:
     """A camera that knows the arguments of its constructor, and makes others of them."""
 
     kind: ClassVar[str]

@@ -14,7 +14,7 @@ from tmca.decoders.lmmse import (
     LMMSE,
     Blend,
     Blended,
-    Layout,
+    BlockLayout,
     Places,
     blend_weights,
     equal_windows,
@@ -64,9 +64,9 @@ class AdaptedEstimator:
         self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
         model = BlockModel.of(taps, prior.block)
         learning = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
-        coarse = Layout.of(model, taps, (prior.block[1], model.valid[1] - model.valid[0]))
+        coarse = BlockLayout.of(model, taps, (prior.block[1], model.valid[1] - model.valid[0]))
         self.coarse = Frame(coarse, self.tiling, learning, torch.float32)
-        fine = Layout.of(model, taps, usual_stride(model, taps.code))
+        fine = BlockLayout.of(model, taps, usual_stride(model, taps.code))
         precision = sufficient_precision(self.prior, model, noise)
         self.fine = Frame(fine, self.tiling, noise, precision)
 
@@ -127,7 +127,7 @@ class Tiling:
 class Frame:
     """How snapshots are estimated under a prior for every tile."""
 
-    layout: Layout
+    layout: BlockLayout
     tiling: Tiling
     noise: Noise
     dtype: torch.dtype

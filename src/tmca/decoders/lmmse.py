@@ -78,7 +78,7 @@ class PatchEstimator:
             if isinstance(prior, GaussianMixturePrior)
             else GaussianSolver(prior, model, noise, dtype)
         )
-        self.layout = Layout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
+        self.layout = BlockLayout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
         self.window = self.layout.window(self.solver)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
@@ -115,7 +115,7 @@ def _period(code: Tensor, axis: int) -> int | None:
 
 
 @dataclass(frozen=True)
-class Layout:
+class BlockLayout:
     """Where blocks lie over the padded code (taps, H, W) of a camera, in groups that see equal windows of it."""
 
     grid: BlockGrid
@@ -123,7 +123,7 @@ class Layout:
     groups: list[Places]
 
     @classmethod
-    def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> Layout:
+    def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> BlockLayout:
         check_range("stride", min(stride), 1)
         stride = (min(stride[0], model.block[1]), stride[1])
         grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
@@ -162,7 +162,7 @@ class Blend:
     """Snapshots, and the canvases of their estimate, its variance and its square on which blocks are laid."""
 
     def __init__(
-        self, layout: Layout, window: Tensor, snapshot: Tensor, *, uncertainty: bool = False, scatter: bool = False
+        self, layout: BlockLayout, window: Tensor, snapshot: Tensor, *, uncertainty: bool = False, scatter: bool = False
     ) -> None:
         self.layout, grid = layout, layout.grid
         first, last = grid.model.valid

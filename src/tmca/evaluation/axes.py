@@ -14,7 +14,7 @@ from tmca.decoders.settings import checked_settings
 from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Settings
-from tmca.evaluation.study import Network, read_study
+from tmca.evaluation.study import StudyNetwork, read_study
 from tmca.evaluation.tables import check_counts, check_weights, decoder_labels
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
@@ -87,7 +87,7 @@ class Sweep:
         return (*SENSOR, *self.evaluation.swept, "decoder", "seed", *sorted(options), *self.faults)
 
     @property
-    def networks(self) -> Mapping[str, Network]:
+    def networks(self) -> Mapping[str, StudyNetwork]:
         """That are trained at every combination: those of `tmca compare`, where the camera's sweeps have any."""
         return read_study(self.camera).networks if self.evaluation.sweeps_networks else {}
 

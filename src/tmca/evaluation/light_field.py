@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from tmca.evaluation.study import Code, Study, TrainStage
 
 
-class LightFieldReading(BaseModel):
+class StudyLightFieldReading(BaseModel):
     """How light fields are read.
 
     Args:
@@ -59,7 +59,7 @@ def asked_of_files(reading: Settings) -> Reading:
 class LightFieldEvaluation(CameraEvaluation):
     """Light fields; the reading of a cell has ``size``, the middle of what is measured, and ``crop``, of that again."""
 
-    kind, Reading = "light-field", LightFieldReading
+    kind, Reading = "light-field", StudyLightFieldReading
     swept = ("slots", "aperture", "shutter", "exposure", "shear", "transmittance", "duty", "period", "design")
     words = ("aperture", "shutter", "exposure", "design")
     labels: ClassVar = {"lmmse": "patch LMMSE", "mixture": "patch mixture"}

@@ -91,7 +91,7 @@ class Code(Strict):
     train: bool = True
 
 
-class Network(Strict):
+class StudyNetwork(Strict):
     """A network that is trained for each code: one for all noises.
 
     Args:
@@ -166,7 +166,7 @@ class Study(Strict):
     noises: dict[str, Settings] = Field(min_length=1)
     decoders: tuple[str, ...]
     options: dict[str, Settings] = {}
-    networks: dict[str, Network] = {}
+    networks: dict[str, StudyNetwork] = {}
     labels: dict[str, str] = {}
     search: Settings = {}
     train: TrainStage = TrainStage()

@@ -25,7 +25,7 @@ _FIELDS = {
 
 
 @dataclass(frozen=True)
-class Layout:
+class FileLayout:
     """How a data set names picture and depth.
 
     Args:
@@ -57,12 +57,12 @@ def _pattern(name: str) -> re.Pattern[str]:
 
 
 LAYOUTS = (
-    Layout(MIDDLEBURY_2005, "<scene>_rgb.<picture>", "<scene>_disp.png"),
-    Layout(MIDDLEBURY_2005, "view1.png", "disp1.png"),
-    Layout(MIDDLEBURY_2014, "im0.png", "disp0<GT>.pfm"),
-    Layout(SKIMAGE, "<scene>_left.<picture>", "<scene>_disp.npz"),
-    Layout(NYUV2, "rgb_<frame>.<picture>", "sync_depth_<frame>.png"),
-    Layout(OPEN3D, "<set>color_<frame>.<picture>", "<set>depth_<frame>.png"),
+    FileLayout(MIDDLEBURY_2005, "<scene>_rgb.<picture>", "<scene>_disp.png"),
+    FileLayout(MIDDLEBURY_2005, "view1.png", "disp1.png"),
+    FileLayout(MIDDLEBURY_2014, "im0.png", "disp0<GT>.pfm"),
+    FileLayout(SKIMAGE, "<scene>_left.<picture>", "<scene>_disp.npz"),
+    FileLayout(NYUV2, "rgb_<frame>.<picture>", "sync_depth_<frame>.png"),
+    FileLayout(OPEN3D, "<set>color_<frame>.<picture>", "<set>depth_<frame>.png"),
 )
 
 
@@ -77,7 +77,7 @@ class RgbdFiles:
         picture, depth: the two files, None for a missing one.
     """
 
-    layout: Layout
+    layout: FileLayout
     folder: Path
     set: str
     stem: str
