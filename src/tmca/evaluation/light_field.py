@@ -19,6 +19,7 @@ from tmca.design import KINDS, designable
 from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, Place, Settings
 from tmca.evaluation.cells import Check
+from tmca.evaluation.scenes import read_once
 from tmca.optics import view_grid
 from tmca.sensor import Sensor
 
@@ -66,7 +67,7 @@ class LightFieldEvaluation(CameraEvaluation):
 
     def load(self, source: str, reading: Settings) -> xr.DataArray:
         """See ``CameraEvaluation``."""
-        return read_middle(source, reading["views"], asked_of_files(reading), reading.get("size"))
+        return read_once(read_middle, source, reading["views"], asked_of_files(reading), reading.get("size"))
 
     def scene(self, cell: Any) -> xr.DataArray:
         """See ``CameraEvaluation``."""

@@ -14,6 +14,7 @@ from tmca.data.scene_names import identity_of
 from tmca.data.scenes import check_readable, load_scene
 from tmca.evaluation.camera import CameraEvaluation, Settings
 from tmca.evaluation.cells import Check, Measurement
+from tmca.evaluation.scenes import read_once
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -44,12 +45,13 @@ class SpectralEvaluation(CameraEvaluation):
 
     def load(self, source: str, reading: Settings) -> xr.DataArray:
         """See ``CameraEvaluation``."""
-        return load_scene(source, bands=reading["bands"])
+        return read_once(load_scene, source, bands=reading["bands"])
 
     def scene(self, cell: Any) -> xr.DataArray:
         """See ``CameraEvaluation``."""
         size = cell.reading.get("size")
-        return load_scene(cell.source, bands=cell.reading["bands"], size=None if size is None else (size[0], size[1]))
+        side = None if size is None else (size[0], size[1])
+        return read_once(load_scene, cell.source, bands=cell.reading["bands"], size=side)
 
     def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
         """See ``CameraEvaluation``."""

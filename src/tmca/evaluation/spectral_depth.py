@@ -25,6 +25,7 @@ from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, Place, Settings
 from tmca.evaluation.cells import Check, Measurement
 from tmca.evaluation.grid import cell_key
+from tmca.evaluation.scenes import read_once
 from tmca.priors.spectral_depth import needed_block
 from tmca.training.scenes import place_of
 from tmca.training.starting_masks import usual_margin
@@ -89,7 +90,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
     def load(self, source: str, reading: Settings, **more: Any) -> xr.Dataset:
         """See ``CameraEvaluation``."""
         camera = more.pop("camera", None) or self.probe(reading)
-        return load_any_depth_scene(source, **_how(reading), **more, **reading_range(camera))
+        return read_once(load_any_depth_scene, source, **_how(reading), **more, **reading_range(camera))
 
     def scene(self, cell: Any) -> xr.Dataset:
         """See ``CameraEvaluation``; made-up spectra are of reflectances that nothing learned from."""

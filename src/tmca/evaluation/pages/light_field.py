@@ -25,6 +25,7 @@ from tmca.evaluation.pages.view_margins import (
     steps_between,
     thesis_table,
 )
+from tmca.evaluation.scenes import read_once
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import Row, grouped, markdown_table, mean, repository_commit, rows_of, training_rows
 from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
@@ -267,7 +268,7 @@ def _figures(cells: dict[str, Measured]) -> list[Figure]:
 
     first = next(iter(cells.values()))
     reading = first["reading"]
-    truth = read_middle(first["source"], reading["views"], asked_of_files(reading), reading["size"]).values
+    truth = read_once(read_middle, first["source"], reading["views"], asked_of_files(reading), reading["size"]).values
     estimates = {name: read_dataset(cell["estimate"], ("estimate",))["estimate"].values for name, cell in cells.items()}
     known = dict(np.load(first["about"]["disparity"]))
     seen = {name: estimate_disparity(estimate) for name, estimate in estimates.items()}

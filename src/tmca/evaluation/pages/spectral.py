@@ -10,6 +10,7 @@ from tmca.applications.spectral import METRICS
 from tmca.data import read_dataset
 from tmca.data.scenes import load_scene
 from tmca.evaluation.grid import Measured
+from tmca.evaluation.scenes import read_once
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import Row, grouped, markdown_table, repository_commit, rows_of, training_rows
 from tmca.plots.cube import bands, composites, signatures
@@ -165,7 +166,7 @@ def pictures(study: Study, measured: Sequence[Measured], out: Path, overwrite: b
     files = []
     cells = [cell for cell in measured if cell.get("estimate")]
     for (scene,), own in grouped(cells, "scene").items():
-        truth = load_scene(own[0]["source"], bands=study.reading["bands"])
+        truth = read_once(load_scene, own[0]["source"], bands=study.reading["bands"])
         found = {(c["code"], c["decoder"]): read_dataset(c["estimate"], ("estimate",))["estimate"].values for c in own}
         labels, names = study.decoder_labels, [row for row in study.shown or () if row in found]
         estimates = {f"{code}\n{labels[decoder]}": found[code, decoder] for code, decoder in names}
