@@ -38,3 +38,11 @@ def test_the_one_used_longest_ago_goes(read):
         read_once(read, str(number))
     read_once(read, "first")
     assert read.asked.count(("first", None)) == 2
+
+
+def test_a_file_that_changes_is_read_again(read, tmp_path):
+    file = tmp_path / "scene.npy"
+    for content in (b"one", b"one", b"other"):
+        file.write_bytes(content)
+        read_once(read, str(file))
+    assert len(read.asked) == 2
