@@ -6,8 +6,8 @@ import torch
 from tmca.design import BlockMse, Descent, Effort, MixtureMse, TileMse, descend, designable, search
 from tmca.design.expected_error import phases, windows
 from tmca.errors import SettingError, ShapeError
+from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.blocks import BlockModel
 
 BANDS, BLOCK = 3, (2, 9)
 

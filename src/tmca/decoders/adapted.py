@@ -22,8 +22,8 @@ from tmca.decoders.lmmse import (
     usual_stride,
 )
 from tmca.errors import check_range, check_shape
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.expected import error_moments, refitted
 from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise

@@ -15,8 +15,8 @@ from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.windows import RowBuffer
 from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import check_range, check_shape
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianSolver
 from tmca.priors.mixture import MixtureSolver
 from tmca.sensor import Noise

@@ -15,7 +15,7 @@ from tmca.codes import CodePlane
 from tmca.design.expected_error import BlockMse, Products, TileMse, count_places, even_places, windows
 from tmca.design.kinds import learnable
 from tmca.errors import SettingError
-from tmca.priors.blocks import BlockModel
+from tmca.operators.blocks import BlockModel
 
 _SHIFTS = 2
 """Of the blocks: judged by one set of them alone, flips favour pixels by their place in a block."""

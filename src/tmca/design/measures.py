@@ -9,7 +9,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import windows
-from tmca.priors.blocks import BlockModel
+from tmca.operators.blocks import BlockModel
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from torch import Tensor
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, quadratic, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
-from tmca.priors.blocks import BlockModel
+from tmca.operators.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior, noise_variance
 from tmca.priors.statistics import pooled
 from tmca.sensor import Noise

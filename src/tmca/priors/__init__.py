@@ -1,6 +1,6 @@
 """Gaussian and Gaussian-mixture priors of small scene blocks, and dictionaries of light-field patches."""
 
-from tmca.priors.blocks import BlockGrid, BlockModel
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected import expected_mse, expected_psnr
 from tmca.priors.finding import block_of, find_prior, learn_prior

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError, check_range
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver
 from tmca.priors.statistics import stationary_moments
 from tmca.sensor import Noise

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import ShapeError, check_range
-from tmca.priors.blocks import BlockModel
+from tmca.operators.blocks import BlockModel
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, stationary_moments
 from tmca.sensor import Noise

@@ -15,7 +15,7 @@ from torch import Tensor
 from torch.nn.functional import one_hot
 
 from tmca.errors import ShapeError, check_range
-from tmca.priors.blocks import BlockModel
+from tmca.operators.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior, GaussianSolver, explained_variance, noise_variance, sufficient_precision
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, Kinds, checked_cubes, leading_eigenvectors, normalised, random_blocks
