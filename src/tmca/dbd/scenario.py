@@ -11,6 +11,7 @@ A :class:`Scenario` describes; :meth:`Scenario.draw` draws codes and symbols, wh
 from __future__ import annotations
 
 import pathlib
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
@@ -26,7 +27,7 @@ _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 
 
-class Way:
+class Way(ABC):
     """What delays, shifts and scales a signal on its way to the receiver.
 
     Raises:
@@ -46,9 +47,9 @@ class Way:
                 raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", "a finite number")
 
     @property
+    @abstractmethod
     def delay_s(self) -> float:
         """Of all trips."""
-        raise NotImplementedError
 
     def doppler_hz(self, carrier_hz: float) -> float:
         """``f v / c`` for each trip."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
 
 
-class Cell(BaseModel):
+class Cell(BaseModel, ABC):
     """What is computed once; its fields are JSON values, and ``step`` says which kind of cell it is.
 
     Args:
@@ -29,9 +30,9 @@ class Cell(BaseModel):
     name: str
     camera: str
 
+    @abstractmethod
     def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
         """Measured values, JSON; ``folder`` takes files."""
-        raise NotImplementedError
 
     @property
     def key(self) -> str:

@@ -93,7 +93,7 @@ def conjugate_gradients(
 
 
 class Diverged(UserWarning):
-    """An iteration that was stopped because its residual grew."""
+    """An iteration whose residual ended far above its least."""
 
 
 class _Best:
