@@ -73,14 +73,14 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenRange:
     """Bands in metres and depth planes of a camera."""
 
     wavelengths: tuple[float, ...]
     planes: DepthPlanes
 
 
-def seen_by(spec: CameraSpec, bench: Spec | None = None) -> Seen:
+def seen_by(spec: CameraSpec, bench: Spec | None = None) -> SeenRange:
     """What the spectral-depth camera that a spec describes sees, without building it.
 
     Raises:
@@ -89,7 +89,7 @@ def seen_by(spec: CameraSpec, bench: Spec | None = None) -> Seen:
     """
     arguments = _arguments(spec, bench, {})
     near, far = arguments["depth"]
-    return Seen(band_wavelengths(arguments["bands"]), DepthPlanes(near, far, arguments["planes"]))
+    return SeenRange(band_wavelengths(arguments["bands"]), DepthPlanes(near, far, arguments["planes"]))
 
 
 def _arguments(spec: CameraSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
