@@ -2,7 +2,7 @@
 PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint benchmarks clean
+.PHONY: demo test test-all lint fuzz benchmarks clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -22,6 +22,10 @@ lint: .venv/installed
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
+
+# A campaign of 20 000 damaged files; killed, it goes on where it stopped.
+fuzz: .venv/installed
+	.venv/bin/python -m tests.fuzz
 
 benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral.py

@@ -1,0 +1,1 @@
+"""Files of dual blind deconvolution."""

@@ -1,0 +1,1 @@
+"""Our own files: snapshots, codes, priors, weights, estimates."""

@@ -1,0 +1,1 @@
+"""Settings that people write: YAML of studies, training, masks and sensors; folders of runs."""
