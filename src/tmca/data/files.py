@@ -79,7 +79,7 @@ def check_target(path: str | Path, overwrite: bool = False) -> None:
     if not path.parent.is_dir():
         raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
     if path.exists() and not overwrite:
-        raise OutputError(path, "an existing output", "a new name", "choose another or pass overwrite (--overwrite)")
+        raise OutputError(path, "an existing output", "a new name", "choose another, or pass --overwrite")
 
 
 def make_folder(path: str | Path) -> Path:

@@ -8,7 +8,6 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.decoders import decoders_for
 from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
 
@@ -25,6 +24,8 @@ def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[st
         kind: of the camera.
         shown: labels that differ from the decoder's own, and those of networks that are trained row by row; first.
     """
+    from tmca.decoders import decoders_for
+
     known = {name: cls.label for name, cls in decoders_for(kind).items()}
     return {**(shown or {}), **{name: label for name, label in known.items() if name not in (shown or {})}}
 

@@ -17,11 +17,11 @@ from torch import Tensor
 
 import tmca
 from tmca.cameras import CAMERAS
-from tmca.codes.files import differing
+from tmca.codes.files import differing, json_attribute
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.optics import PhaseMaskBench, Stroke, changed_bench, restored_maps
+from tmca.optics import DepthPlanes, PhaseMaskBench, Stroke, changed_bench, restored_maps
 from tmca.priors import block_of, find_prior
 
 if TYPE_CHECKING:
@@ -110,6 +110,20 @@ class Weights:
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
         return tuple(self.variables["wavelength"].values.tolist()) if "wavelength" in self.variables else ()
+
+    @property
+    def planes(self) -> DepthPlanes:
+        """Depth planes of a spectral-depth camera.
+
+        Raises:
+            DataError: none are described.
+        """
+        where = str(self.path or "weights")
+        try:
+            described = json_attribute(self.variables.attrs, "depth", {}, where)
+            return DepthPlanes(float(described["near"]), float(described["far"]), int(described["count"]))
+        except (KeyError, TypeError) as error:
+            raise DataError(where, "no depth planes", "those of a spectral-depth camera", "train it anew") from error
 
     @property
     def camera(self) -> Any:
