@@ -206,7 +206,7 @@ def datasets_of(path: Path, file: h5py.File, kind: str = LABELLED) -> dict[str, 
     return datasets
 
 
-def attrs_of(path: Path, item: h5py.HLObject | zarr.Array | zarr.Group, kind: str = LABELLED) -> dict[str, Any]:
+def attrs_of(path: Path, item: h5py.HLObject | zarr.Array[Any] | zarr.Group, kind: str = LABELLED) -> dict[str, Any]:
     """The attributes of an HDF5 file or dataset, or of a Zarr store."""
     with whole_file(path, kind):
         return dict(item.attrs)
