@@ -20,6 +20,7 @@ import numpy as np
 
 from tmca.arguments import checked
 from tmca.data.formats.arrays import LABELLED, open_labelled
+from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
 from tmca.errors import DataError, OutputError, ShapeError
@@ -301,6 +302,7 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         if missing:
             there = ", ".join(str(name) for name in dataset.variables) or "none"
             raise DataError(path, f"no variable {', '.join(missing)}", f"it beside those there ({there})")
+        check_bytes(path, "all its variables", sum(variable.nbytes for variable in dataset.variables.values()))
         with whole_file(path, LABELLED, "write it again"):
             return dataset.load()
 
