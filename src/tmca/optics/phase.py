@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError, check_range
+from tmca.yaml_files import read_yaml
 
 Values = NDArray[np.float64]
 
@@ -92,14 +93,10 @@ class Material:
         Raises:
             DataError: no such file, or none of the known formulas in it.
         """
-        import yaml
-
+        described = read_yaml(path, "a .yml file of refractiveindex.info")
         try:
-            described = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
             return cls(Path(path).stem, *_described(described["DATA"][0]), source=str(path))
-        except FileNotFoundError:
-            raise DataError(path, "no such file", "a .yml file of refractiveindex.info") from None
-        except (OSError, yaml.YAMLError, KeyError, IndexError, TypeError, ValueError) as error:
+        except (KeyError, IndexError, TypeError, ValueError) as error:
             wanted = f"a .yml file of refractiveindex.info, of {', '.join(FORMULAS)}"
             raise DataError(path, f"no material ({error!r})", wanted) from None
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.specs.base import read_yaml
+from tmca.yaml_files import read_yaml
 
 Pair = tuple[float, float]
 
