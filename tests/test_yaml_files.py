@@ -39,7 +39,8 @@ def read(tmp_path, text):
 )
 def test_values_are_what_they_look_like(tmp_path, text, value):
     read_value = read(tmp_path, f"a: {text}")["a"]
-    assert read_value == value and type(read_value) is type(value)
+    assert read_value == value
+    assert type(read_value) is type(value)
 
 
 def test_names_are_texts_and_files_may_begin_with_a_mark(tmp_path):
@@ -82,7 +83,9 @@ def test_what_is_no_settings_is_refused_in_one_short_line(tmp_path, text, words)
     with pytest.raises(DataError, match=words) as refused:
         read(tmp_path, text)
     said = str(refused.value)
-    assert "settings.yaml" in said and "\n" not in said and len(said) < 400
+    assert "settings.yaml" in said
+    assert "\n" not in said
+    assert len(said) < 400
     assert time.monotonic() - start < 5
 
 

@@ -55,15 +55,16 @@ class SettingsLoader(yaml.SafeLoader):
 
     def _count(self, node: Node | None, event: Any) -> None:
         """Add up what a node holds, with copies for aliases."""
+        mark: Any = event.start_mark
         if id(node) not in self._sizes:
             if isinstance(event, yaml.AliasEvent):
-                raise ComposerError(None, None, "an alias of what it stands in", event.start_mark)
+                raise ComposerError(None, None, "an alias of what it stands in", mark)
             parts = node.value if isinstance(node, SequenceNode | MappingNode) else ()
             inner = [one for part in parts for one in (part if isinstance(part, tuple) else (part,))]
             self._sizes[id(node)] = 1 + sum(self._sizes[id(one)] for one in inner)
         self._values += 1
         if max(self._sizes[id(node)], self._values) > MOST:
-            raise ComposerError(None, None, f"more than {MOST} values", event.start_mark)
+            raise ComposerError(None, None, f"more than {MOST} values", mark)
 
     def compose_mapping_node(self, anchor: Any) -> MappingNode:
         """Names with values; the names are texts, each there once."""
