@@ -11,8 +11,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from tmca.attributes import FiniteJson, read_json
 from tmca.data import make_folder, write_json
-from tmca.errors import DataError, OutputError, TmcaError
+from tmca.errors import OutputError, TmcaError
 from tmca.training.checkpoints import latest_checkpoint
 from tmca.training.scenes import SceneLists
 from tmca.training.settings import RunSettings
@@ -94,16 +95,14 @@ def _delete(paths: Iterable[Path]) -> None:
 
 
 def _check_same(about: Path, described: dict[str, Any]) -> None:
-    try:
-        before = _flat(json.loads(about.read_text(encoding="utf-8")))
-    except (OSError, json.JSONDecodeError) as error:
-        raise DataError(about, f"no readable description ({error})", "that of a run", "delete the folder") from error
+    before = _flat(read_json(about, dict[str, FiniteJson]))
     now = _flat(described)
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):
-            found = f"another run ({name.removeprefix('settings.')} = {before.get(name)}, now {now.get(name)})"
+            values = f"{before.get(name)!s:.80}, now {now.get(name)!s:.80}"
+            found = f"another run ({name.removeprefix('settings.')[:80]} = {values})"
             remedy = "choose another --out, or the old settings"
-            raise OutputError(about.parent, found, "the same settings to resume it", remedy)
+            raise OutputError(about, found, "the same settings to resume it", remedy)
 
 
 def _flat(value: Any, name: str = "") -> dict[str, Any]:
