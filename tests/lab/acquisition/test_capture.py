@@ -308,7 +308,7 @@ def test_a_capture_whose_process_is_killed_at_its_first_frame_goes_on(tmp_path, 
     with pytest.raises(KeyboardInterrupt):
         capture(export, bench_of(camera), tmp_path / "f")
     assert any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
-    monkeypatch.setattr(write, "_replace", own)
+    monkeypatch.setattr(write, "_place", own)
     monkeypatch.setattr(write, "_remove", remove)
     joined(capture(export, bench_of(camera), tmp_path / "f"), export, camera)
     assert not any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
