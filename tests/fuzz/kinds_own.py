@@ -67,7 +67,7 @@ def _scene(camera: Any, colours: int = 1) -> tuple[Any, ...]:
 def _snapshot(camera: Any, colours: int = 1) -> Any:
     from tmca.cameras import Snapshot
 
-    notes = {"scene": "random", "noise_seed": 3, "hardware": {"leakage": 0.1}, "reading": '{"source": "coffee"}'}
+    notes = {"scene": "random", "noise_seed": 3, "hardware": {"leakage": 0.1}, "scene_reading": '{"source": "coffee"}'}
     return Snapshot(camera(*_scene(camera, colours), generator=0), camera, notes)
 
 
@@ -288,7 +288,11 @@ def _estimate(make: Callable[[], Any]) -> Callable[[Path], object]:
         camera = make()
         scene, *depth = _scene(camera)
         more = {"depth": depth[0], "confidence": depth[0] / 2} if depth else {"deviation": scene / 10}
-        notes = {"scene": "random", "reading": '{"source": "coffee", "scale": 1, "pattern": null}', "metric_psnr": 30.0}
+        notes = {
+            "scene": "random",
+            "scene_reading": '{"source": "coffee", "scale": 1, "pattern": null}',
+            "metric_psnr": 30.0,
+        }
         Estimate(scene, camera, "lmmse", seconds=0.1, notes=notes, **more).save(path)
 
     return save
@@ -300,7 +304,7 @@ def _evaluate(make: Callable[[], Any]) -> Callable[[Path], Any]:
 
         camera = make()
         scene, *depth = _scene(camera)
-        truth = camera.label(0.9 * scene)
+        truth = camera.label(0.9 * scene).assign_attrs(source=f"truth of {path.name}", name=f"truth of {path.name}")
         if depth:
             truth = truth.to_dataset(name="radiance").assign(depth=(("y", "x"), depth[0][0, 0].numpy()))
         return evaluate(path, truth)

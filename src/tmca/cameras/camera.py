@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from tmca.arguments import Count, Size, checked
 from tmca.attributes import attributes_of
 from tmca.cameras.parts import CameraParts
-from tmca.cameras.stated import CameraAttributes, CodedAttributes
+from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
 from tmca.codes import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.files import TILE, Axes, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
@@ -135,9 +135,10 @@ class Camera(CameraParts, nn.Module, ABC):
             DataError: variables that make no camera; ``where`` names their file.
         """
         stated = attributes_of(cls.attributes, dataset.attrs, where)
-        frame = stated.frame(where)
+        check_frame(stated.size, where)
         try:
-            settings = {"exposure": stated.exposure, **cls._settings(dataset, where), **frame}
+            settings = {"exposure": stated.exposure, **cls._settings(dataset, where)}
+            settings |= {} if stated.size is None else {"size": stated.size}
             settings["sensor"] = Sensor(**stated.sensor)
             return cls(**{**settings, **changes})
         except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:

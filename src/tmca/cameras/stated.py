@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, Json
 
@@ -15,7 +15,8 @@ MOST_PIXELS = 2**24
 MOST_SAMPLES = 2**28
 """Samples of point spread functions, which no array of a file is as large as."""
 _Side = Annotated[int, Field(ge=1, le=2**16)]
-_Pair = tuple[_Side, _Side]
+Pair = tuple[_Side, _Side]
+"""Rows and columns."""
 _Blur = Annotated[float, Field(ge=0, le=1000)]
 
 
@@ -25,27 +26,21 @@ class CameraAttributes(Attributes):
     exposure: str
     full_scale: float = Field(gt=0)
     sensor: Json[dict[str, FiniteJson]]
-    size: Json[_Pair] | None = None
+    size: Json[Pair] | None = None
     """Of the frame over which codes repeat."""
 
-    def frame(self, where: str) -> dict[str, Any]:
-        """``size``, where it is stated.
 
-        Raises:
-            DataError: one that no tile of a file is for.
-        """
-        if self.size is None:
-            return {}
-        height, width = self.size
-        if height * width > MOST_PIXELS:
-            raise DataError(where, f"size {height}×{width}", f"at most {MOST_PIXELS} pixels", "correct the attribute")
-        return {"size": self.size}
+def check_frame(size: tuple[int, int] | None, where: str) -> None:
+    """Raises DataError for a frame (H, W) that no tile of a file is for."""
+    if size is not None and size[0] * size[1] > MOST_PIXELS:
+        found = f"size {size[0]}×{size[1]}"
+        raise DataError(where, found, f"at most {MOST_PIXELS} pixels", "correct the attribute size")
 
 
 class CodedAttributes(CameraAttributes):
     """Of a camera with an aperture and a shutter."""
 
-    period: Json[_Pair | None] = None
+    period: Json[Pair | None] = None
 
 
 class SpectralAttributes(CodedAttributes):

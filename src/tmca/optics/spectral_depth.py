@@ -23,7 +23,7 @@ from tmca.optics.zernike import noll, pupil_coordinates
 FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
 MODES = 18
 """Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
-_RADII = 16
+_RADII, _MOST_PLANES = 16, 10_000
 _ROUNDING = 1e-6
 """By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
 
@@ -48,7 +48,7 @@ class DepthPlanes:
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far:
             raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
-        check_range("planes", self.count, 1, whole=True)
+        check_range("planes", self.count, 1, _MOST_PLANES, whole=True)
 
     @property
     def step(self) -> float:
