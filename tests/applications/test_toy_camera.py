@@ -45,7 +45,7 @@ class SinglePixelCamera(Camera):
 
     kind, channel = "single-pixel", "image"
     decoders = frozenset({"dagger", "admm-tv"})
-    needed, stated = ("masks",), ("exposure", "full_scale", "sensor")
+    needed = ("masks",)
     white, channel_names = 1.0, ["image"]
 
     def __init__(self, size=None, slots=160, *, masks=None, exposure="equal", sensor=None):
