@@ -1,6 +1,7 @@
 """Commands in children of one prepared process, which start at once and are ended when it is asked for.
 
-``python -m tests.kills.server`` takes a JSON line, a list of runs side by side, and answers with a line of how each ended.
+``python -m tests.kills.server`` takes a JSON line, a list of runs side by side, and answers with a line of how
+each ended.
 """
 
 from __future__ import annotations
