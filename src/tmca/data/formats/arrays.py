@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
+from tmca.data.formats.hdf5_heaps import endless_heap
 from tmca.data.formats.limits import check_array
 from tmca.data.formats.stored import Contents, Stored, from_array, lazy, reads, whole_file
 from tmca.data.formats.wavelengths import give_wavelengths
@@ -79,10 +80,10 @@ def _member(path: Path, name: str, shape: tuple[int, ...], dtype: np.dtype[Any])
 @contextmanager
 def open_hdf5(path: Path) -> Iterator[Contents]:
     """A NetCDF file (through xarray) or any other HDF5 file (every dataset in it)."""
-    netcdf = _is_classic(path)
+    netcdf = path.suffix.lower() in NETCDF_SUFFIXES or _is_classic(path)
     if not netcdf:
         with open_h5(path) as file:
-            netcdf = path.suffix.lower() in NETCDF_SUFFIXES or "_NCProperties" in attrs_of(path, file)
+            netcdf = "_NCProperties" in attrs_of(path, file)
     if netcdf:
         with open_labelled(path) as dataset:
             yield from_dataset(path, "NetCDF", dataset)
@@ -108,6 +109,10 @@ def open_h5(path: Path, kind: str = LABELLED) -> Iterator[h5py.File]:
     import h5py
 
     with whole_file(path, kind):
+        if endless_heap(path):
+            raise DataError(
+                path, "a damaged heap of texts and references", f"a whole {kind}", "fetch or write it again"
+            )
         file = h5py.File(path, "r")
     with file:
         yield file

@@ -25,7 +25,8 @@ def is_picture(path: Path) -> bool:
 
 
 def read_array(path: str | Path, variable: str | None = None) -> NDArray[Any]:
-    """Read one array as it is: masks, captures, codes. Axes as in `tmca.data.read`, values and dtype untouched.
+    """Read one array as it is: masks, captures, codes. Axes as in `tmca.data.read`, values and dtype untouched:
+    what is not finite stays so.
 
     Args:
         path: any file that `tmca.data.read` opens, or a picture.

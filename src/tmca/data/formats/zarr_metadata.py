@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import Field
 
-from tmca.attributes import Attributes, attributes_of, read_json
+from tmca.attributes import Attributes, read_json
 from tmca.data.formats.limits import check_array
 from tmca.errors import DataError
 
@@ -37,6 +37,10 @@ class _Array(Attributes):
     shape: list[int] = Field(default_factory=list, max_length=32)
     chunks: list[int] | None = None
     chunk_grid: _Grid | None = None
+    compressor: Any = None
+    filters: Any = None
+    codecs: Any = None
+    storage_transformers: Any = None
 
 
 def check_store(path: Path) -> None:
@@ -55,11 +59,10 @@ def check_store(path: Path) -> None:
 
 
 def _check_array(file: Path, store: Path) -> None:
-    said = read_json(file, dict[str, Any])
-    for codec in _codecs([said.get(name) for name in ("compressor", "filters", "codecs", "storage_transformers")]):
+    about = read_json(file, _Array)
+    for codec in _codecs([about.compressor, about.filters, about.codecs, about.storage_transformers]):
         if codec.removeprefix("numcodecs.") not in CODECS:
             raise DataError(file, f"the codec {codec!r}", f"one of {', '.join(sorted(CODECS))}", "store it without")
-    about = attributes_of(_Array, said, file, "entry")
     chunks = about.chunks or (about.chunk_grid.configuration.get("chunk_shape") if about.chunk_grid else None)
     if len(about.shape) == 1:
         check_array(store, file.parent.name, about.shape, 8)

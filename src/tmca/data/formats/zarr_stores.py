@@ -18,7 +18,6 @@ def open_zarr(path: Path) -> Iterator[Contents]:
     """A Zarr store: xarray's (named axes) or a plain array or group; only codecs that run no code."""
     import zarr
 
-    check_store(path)
     with whole_file(path, LABELLED):
         node: Any = zarr.open(path, mode="r")
         group = isinstance(node, zarr.Group)
@@ -28,6 +27,7 @@ def open_zarr(path: Path) -> Iterator[Contents]:
         with open_labelled(path) as dataset:
             yield from_dataset(path, "Zarr", dataset)
     else:
+        check_store(path)
         arrays = {name: plain(path, name, array) for name, array in members.items()}
         yield Contents(path, "Zarr", give_wavelengths(arrays), attrs=attrs_of(path, node))
 
