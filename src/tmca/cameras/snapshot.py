@@ -154,7 +154,7 @@ class _Note(Attributes):
     note: FiniteJson
 
 
-class _JsonNote(Attributes):
+class _JsonNote(_Note):
     note: Json[FiniteJson]
 
 
