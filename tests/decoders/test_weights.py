@@ -225,9 +225,7 @@ def test_settings_that_ask_for_more_than_the_file_holds_take_no_memory(tmp_path,
 
 
 def test_a_frame_of_any_size_is_refused(tmp_path):
-    path = with_head(
-        tmp_path / "w.safetensors",
-        lambda about: about["camera"]["attrs"].update(size="[60000, 60000]", period="[4, 4]"),
-    )
+    size = {"size": "[60000, 60000]", "period": "[4, 4]"}
+    path = with_head(tmp_path / "w.safetensors", lambda about: about["camera"]["attrs"].update(size))
     with pytest.raises(DataError, match="60000×60000"):
         Weights.load(path)
