@@ -173,6 +173,12 @@ def test_the_command_line_takes_its_files(taken, capsys):
     assert stop.value.code == 2
 
 
+def test_inspect_says_what_its_file_is(taken, capsys):
+    taken.save("s.nc")
+    main(["inspect", "s.nc"])
+    assert capsys.readouterr().out.startswith("s.nc: snapshot of a single-pixel camera (")
+
+
 def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
     from tmca.applications.pictures import snapshot_files, snapshot_pictures
 

@@ -137,9 +137,10 @@ class Camera(CameraParts, nn.Module, ABC):
         stated = attributes_of(cls.attributes, dataset.attrs, where)
         check_frame(stated.size, where)
         try:
-            settings = {"exposure": stated.exposure, **cls._settings(dataset, where)}
+            settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}
-            settings["sensor"] = Sensor(**stated.sensor)
+            sensor: dict[str, Any] = dict(stated.sensor)
+            settings["sensor"] = Sensor(**sensor)
             return cls(**{**settings, **changes})
         except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:
             expected = f"{', '.join(cls.needed)} and sensor that fit"

@@ -160,8 +160,9 @@ class _JsonNote(_Note):
 
 def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
     coded = attributes_of(_SnapshotAttributes, attributes, where).json_notes
+    kinds: dict[str, type[_Note]] = {name: _JsonNote if name in coded else _Note for name in attributes}
     return {
-        name: attributes_of(_JsonNote if name in coded else _Note, {"note": value}, where, f"attribute {name}:").note
+        name: attributes_of(kinds[name], {"note": value}, where, f"attribute {name}:").note
         for name, value in attributes.items()
         if name != _JSON
     }

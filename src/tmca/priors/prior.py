@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.arguments import described
 from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
 
@@ -206,5 +207,5 @@ def check_kind(prior: Prior, kind: str) -> None:
     check_choice("kind", kind, Prior.kinds)
     wanted = Prior.kinds[kind]
     if not isinstance(prior, wanted):
-        found, remedy = getattr(prior, "called", f"a {type(prior).__name__}"), f"learn one with {wanted.learned_by}"
+        found, remedy = getattr(prior, "called", described(prior)), f"learn one with {wanted.learned_by}"
         raise SettingError(wanted.argument, found, wanted.called, remedy)

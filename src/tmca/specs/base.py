@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
 from tmca.attributes import expected_of
-from tmca.errors import DataError, SettingError, TmcaError
+from tmca.errors import SettingError, TmcaError
 
 if TYPE_CHECKING:
     from pydantic import ValidationInfo
@@ -72,25 +71,6 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
     return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the usual")
-
-
-def read_yaml(file: Path, expected: str) -> dict[str, Any]:
-    """Names and values of a YAML file.
-
-    Raises:
-        DataError: no such file, no YAML, or no names with values.
-    """
-    import yaml
-
-    try:
-        values = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(file, "no such file", expected) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no readable YAML ({error})", expected) from None
-    if not isinstance(values, dict):
-        raise DataError(file, f"a {type(values).__name__}", expected)
-    return values
 
 
 def _parts(value: Any) -> Any:

@@ -26,7 +26,7 @@ from tmca.codes.files import differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.optics import restored_maps
+from tmca.optics import DepthPlanes, restored_maps
 from tmca.priors import block_of, find_prior
 
 if TYPE_CHECKING:
@@ -48,6 +48,10 @@ _NO_MATTER = {"sensor", "full_scale", "period", "tmca_version"}
 
 class OtherCodes(UserWarning):
     """A network that does not see the codes, behind other codes than it was trained for."""
+
+
+class _Planes(Attributes):
+    depth: Json[DepthPlanes]
 
 
 @dataclass
@@ -114,6 +118,15 @@ class Weights:
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
         return tuple(self.variables["wavelength"].values.tolist()) if "wavelength" in self.variables else ()
+
+    @property
+    def planes(self) -> DepthPlanes:
+        """Depth planes of a spectral-depth camera.
+
+        Raises:
+            DataError: none are described.
+        """
+        return attributes_of(_Planes, self.variables.attrs, self.path or "weights").depth
 
     @property
     def camera(self) -> Any:
