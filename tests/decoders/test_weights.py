@@ -189,3 +189,43 @@ def test_a_run_s_folder_is_as_good_as_its_file(tmp_path):
     torch.testing.assert_close(Weights.load(tmp_path).codes, weights.codes)
     with pytest.raises(DataError, match="no such file"):
         Weights.find(tmp_path / "none")
+
+
+def with_head(path, change):
+    """Weights whose head says otherwise."""
+    import json
+
+    from safetensors import safe_open
+    from safetensors.torch import save_file
+
+    with safe_open(weights().save(path), "pt") as file:
+        head, tensors = file.metadata(), {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    about = json.loads(head["tmca"])
+    change(about)
+    save_file(tensors, path, head | {"tmca": json.dumps(about)})
+    return path
+
+
+@pytest.mark.parametrize("prior", ["/etc/hostname", "../prior.nc", "..", "sub/prior.nc", "..\\prior.nc"])
+def test_the_prior_of_weights_is_a_file_beside_them(tmp_path, prior):
+    path = with_head(tmp_path / "w.safetensors", lambda about: about.update(prior=prior))
+    with pytest.raises(DataError, match="the name of a file beside the weights"):
+        Weights.load(path)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"widths": [1_000_000, 1_000_000]}, {"blocks": 10**9}, {"stages": 10**9}, {"bands": 10**12}, {"gather": 10**6}],
+)
+def test_settings_that_ask_for_more_than_the_file_holds_take_no_memory(tmp_path, settings):
+    path = with_head(tmp_path / "w.safetensors", lambda about: about["network"]["settings"].update(settings))
+    with pytest.raises(DataError, match="do not fit") as caught:
+        Weights.load(path)
+    assert len(str(caught.value)) < 600
+
+
+def test_a_frame_of_any_size_is_refused(tmp_path):
+    size = {"size": "[60000, 60000]", "period": "[4, 4]"}
+    path = with_head(tmp_path / "w.safetensors", lambda about: about["camera"]["attrs"].update(size))
+    with pytest.raises(DataError, match="60000×60000"):
+        Weights.load(path)

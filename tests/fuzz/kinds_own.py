@@ -46,7 +46,7 @@ def _depth(**parts: Any) -> Any:
 
     bench = PhaseMaskBench(diameter=0.5e-3, window=(3, 3), mask_pixels=8)
     return SpectralDepthCamera(
-        BANDS, (6, 7), 2, planes=2, bench=bench, filters="gaussian", period=2, channels="rgb", modes=3,
+        BANDS, (6, 7), 2, planes=2, bench=bench, filters="gaussian", period=2, modes=3,
         sensor=_sensor(), **parts,
     )  # fmt: skip
 
@@ -133,7 +133,7 @@ def _phase_codes(path: Path) -> None:
     from tmca.cameras.phase_codes import write_phase_codes
     from tmca.optics import Stroke
 
-    write_phase_codes(_depth(stroke=Stroke(-1e-6, 1e-6, 9)), path, "gaussian", "rgb", {"seed": 1})
+    write_phase_codes(_depth(stroke=Stroke(-1e-6, 1e-6, 9)), path, "gaussian", "monochrome", {"seed": 1})
 
 
 def _read_phase_codes(path: Path) -> Any:

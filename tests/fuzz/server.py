@@ -51,6 +51,7 @@ class Verdict:
 def prepare() -> None:
     """Import once what the readers import, so that every child has it; use nothing that starts threads (Zarr)."""
     import h5netcdf  # noqa: F401
+    import skimage.metrics  # noqa: F401
     import tifffile  # noqa: F401
     import torch
     import xarray

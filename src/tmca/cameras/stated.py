@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, Json
 
-from tmca.attributes import Attributes, FiniteJson
+from tmca.attributes import Attributes
 from tmca.errors import DataError
 from tmca.optics import DepthPlanes, PhaseMaskBench, Stroke
 
@@ -25,7 +25,8 @@ class CameraAttributes(Attributes):
 
     exposure: str
     full_scale: float = Field(gt=0)
-    sensor: Json[dict[str, FiniteJson]]
+    sensor: Json[dict[str, Any]]
+    """Arguments of `Sensor`, which checks them."""
     size: Json[Pair] | None = None
     """Of the frame over which codes repeat."""
 
