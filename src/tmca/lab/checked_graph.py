@@ -296,14 +296,14 @@ def _stored(files: Mapping[str, Any], folder: str, before: str, path: Path) -> d
 def _tensor(data: bytes, meta: _Meta, where: str) -> Tensor:
     """A tensor of its bytes, within them."""
     kind = _DTYPES[meta.dtype]
-    sizes: list[int]
-    strides: list[int]
-    sizes, strides = ([length.as_int for length in one] for one in (meta.sizes, meta.strides))
+    sizes: list[int] = [int(length.as_int) for length in meta.sizes]
+    strides = [int(length.as_int) for length in meta.strides]
     offset, count = meta.storage_offset.as_int, len(data) // kind.itemsize
-    reach = offset + sum((size - 1) * stride for size, stride in zip(sizes, strides, strict=False)) + 1
-    if len(sizes) != len(strides) or (prod(sizes) and not prod(sizes) <= reach <= count):
+    reach = offset + sum((n - 1) * stride for n, stride in zip(sizes, strides, strict=False)) + 1
+    size: int = prod(sizes)
+    if len(sizes) != len(strides) or (size and not size <= reach <= count):
         raise DataError(where, f"{len(data)} bytes for a tensor of {sizes}", "all of it", _REMEDY)
-    if not prod(sizes):
+    if not size:
         return torch.empty(sizes, dtype=kind)
     tensor = torch.frombuffer(bytearray(data), dtype=kind, count=count).as_strided(sizes, strides, offset)
     if not tensor.isfinite().all():
