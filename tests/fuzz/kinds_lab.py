@@ -1,1 +1,175 @@
 """Files of the bench: calibrations, manifests, captures, devices, exported decoders."""
+
+from __future__ import annotations
+
+import functools
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.fuzz.kinds import kind
+
+
+def _calibration(path: Path) -> None:
+    from tests.lab.calibration.test_file import whole
+
+    with tempfile.TemporaryDirectory() as folder:
+        saved = whole().save(Path(folder) / "bench").path
+        assert saved is not None
+        shutil.copy(saved, path)
+
+
+def _calibration_1(path: Path) -> None:
+    from tests.lab.calibration.test_file import version_0_1
+
+    with tempfile.TemporaryDirectory() as folder:
+        saved = version_0_1(Path(folder))
+        shutil.copy(saved.with_suffix(".nc"), path.with_suffix(".nc"))
+        shutil.copy(saved.with_suffix(".json"), path.with_suffix(".json"))
+
+
+def _read_calibration(path: Path) -> Any:
+    from tmca.lab.calibration.file import load_calibration
+
+    found = load_calibration(path)
+    return found.parts, found.about, found.codes_seen
+
+
+def _device(path: Path) -> None:
+    path.write_text(
+        "kind: lcos\nsize: [6, 7]\npitch_um: 8.0\nbits: 8\nflip: [rows]\nmacro_pixel: 2.0\ngamma: 2.2\n"
+        "pattern_rate_hz: 60.0\nmemory_patterns: 24\n"
+    )
+
+
+def _read_device(path: Path) -> Any:
+    from tmca.lab.display.devices import device_named, response
+
+    device = device_named(str(path))
+    return device.model_dump(), response(device)
+
+
+def _response(path: Path) -> None:
+    path.write_text("grey,light\n" + "".join(f"{grey},{(grey / 255) ** 2:g}\n" for grey in range(0, 256, 51)))
+
+
+def _read_response(path: Path) -> Any:
+    from tmca.lab.display.devices import DeviceDescription, response
+
+    return response(DeviceDescription(name="slm", kind="lcos", size=(4, 4), bits=8, lut=str(path)))
+
+
+def _terms(path: Path) -> None:
+    from tmca.lab.display.codes import Terms, table
+
+    path.write_text(table(Terms((4, 6), np.array([[1e-7, 2e-8], [3e-8, -1e-8]]), np.zeros(2))))
+
+
+def _read_terms(path: Path) -> Any:
+    from tmca.lab.display.codes import read_table
+
+    terms = read_table(path)
+    return terms.noll, terms.rms
+
+
+def _spectra(path: Path) -> None:
+    path.write_text("nm,red,blue\n" + "".join(f"{nm},{nm / 1000},{1 - nm / 1000}\n" for nm in range(400, 701, 50)))
+
+
+def _read_spectra(path: Path) -> Any:
+    from tmca.lab.ground_truth.spectra import read_spectra
+
+    spectra = read_spectra(path)
+    return spectra.nm, spectra.values, spectra.at(np.array([500.0, 600.0]), 20.0)
+
+
+def _frames(path: Path) -> None:
+    import tifffile
+    from PIL import Image
+
+    path.mkdir()
+    rng = np.random.default_rng(0)
+    for n in range(2):
+        tifffile.imwrite(path / f"frame_{n}.tif", rng.integers(0, 4000, (6, 7), dtype=np.uint16))
+        Image.fromarray(rng.integers(0, 4000, (6, 7), dtype=np.uint16)).save(path / f"frame_{n + 2}.png")
+
+
+def _read_frames(path: Path) -> Any:
+    from tmca.lab.frames import read_frames
+
+    return read_frames(path)
+
+
+def _capture(path: Path) -> None:
+    from tmca.data import write_json
+    from tmca.lab.acquisition.captures import CaptureFrame, keep
+
+    record: dict[str, Any] = {
+        "export": "shown", "export_sha256": "0" * 64, "shown_sha256": "0" * 64,
+        "taken_with": {"gain": 1.0, "saturation": 4095.0, "driver": "mine"}, "frames": {},
+    }  # fmt: skip
+    rng = np.random.default_rng(0)
+    for slot, name in ((None, "dark"), (0, "slot_000"), (1, "slot_001")):
+        values = rng.integers(10, 20 if slot is None else 4000, (6, 7))
+        keep(values, CaptureFrame(name, slot, name), record, path)
+    write_json(record, path / "captures.json", overwrite=True)
+
+
+def _read_capture(path: Path) -> Any:
+    from tmca.lab.acquisition.captures import read_captures, read_tif, said_sources, warn_of_frames
+    from tmca.lab.calibration.captures import taken_with
+    from tmca.lab.notes import date_of_frames
+
+    record = read_captures(path)
+    warn_of_frames(path, record)
+    said = taken_with(path), date_of_frames([path]), said_sources(path)
+    return record, said, [read_tif(path / f"{name}.tif") for name in record["frames"]]
+
+
+@functools.cache
+def _exported() -> Path:
+    from tests.lab.test_deploy import written_weights
+    from tmca.lab.deploy import export_decoder
+
+    folder = Path(tempfile.mkdtemp())
+    export_decoder(written_weights(folder, kind="unet"), folder / "out", ("torch",))
+    return folder / "out"
+
+
+def _decoder(path: Path) -> None:
+    shutil.copy(_exported() / "decoder.pt2", path)
+
+
+def _read_decoder(path: Path) -> Any:
+    import torch
+
+    from tmca.lab.deploy import load_exported
+
+    program: Any = load_exported(path)
+    return program(torch.full(program.shape, 0.5))
+
+
+def _description(path: Path) -> None:
+    path.mkdir()
+    shutil.copy(_exported() / "decoder.json", path / "decoder.json")
+
+
+def _read_description(path: Path) -> Any:
+    from tmca.lab.deploy import read_description
+
+    return read_description(path).model_dump()
+
+
+kind("calibration.nc", _calibration, _read_calibration, infinite=True)
+kind("calibration1.nc", _calibration_1, _read_calibration, infinite=True)
+kind("device.yaml", _device, _read_device)
+kind("response.csv", _response, _read_response)
+kind("terms.csv", _terms, _read_terms)
+kind("spectra.csv", _spectra, _read_spectra)
+kind("frames", _frames, _read_frames)
+kind("capture", _capture, _read_capture)
+kind("decoder.pt2", _decoder, _read_decoder)
+kind("described-decoder", _description, _read_description)

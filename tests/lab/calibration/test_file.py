@@ -145,7 +145,7 @@ def test_what_is_no_calibration_is_refused(tmp_path):
         load_calibration(tmp_path / "other")
     path = version_0_1(tmp_path)
     path.with_suffix(".json").write_text("{")
-    with pytest.raises(DataError, match="no calibration"):
+    with pytest.raises(DataError, match="no readable JSON"):
         load_calibration(path)
     path.with_suffix(".json").unlink()
     with pytest.raises(DataError, match="both files"):

@@ -16,8 +16,9 @@ from tmca.errors import DataError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.calibration.apply import calibrated, check_fits
 from tmca.lab.calibration.capturing import capture_step, shots_of
-from tmca.lab.calibration.file import KINDS, Calibration, kind_of, load_calibration
+from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.fits import StepSettings
+from tmca.lab.calibration.parts import KINDS, kind_of
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import STEPS, measure, measure_all, part_figure, step_of, steps_of

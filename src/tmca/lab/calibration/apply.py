@@ -13,8 +13,9 @@ from tmca.cameras import Camera, Snapshot
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.dispersion import REGISTERED_AT
-from tmca.lab.calibration.file import Calibration, kind_of, load_calibration
+from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.measured_sensor import captured_sensor, from_digital_numbers, measured_sensor
+from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.devices import DeviceDescription
 from tmca.lab.display.placement import Affine

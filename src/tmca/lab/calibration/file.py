@@ -8,22 +8,21 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Json
 
+from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
+from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
-from tmca.lab.calibration.psf import PsfStack, ZernikeFit
-from tmca.lab.calibration.registration import Registration
-from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity, corrected, defects
-from tmca.lab.calibration.timing import Timing
+from tmca.lab.calibration.parts import Step, StoredStep, group_of, kind_of, part_of
+from tmca.lab.calibration.sensor import corrected, defects
 from tmca.lab.frames import Array, check_size
 from tmca.lab.notes import date_of_frames, parsed_date
 
@@ -32,52 +31,8 @@ if TYPE_CHECKING:
 
 FORMAT, FORMAT_1 = "tmca calibration 2", "tmca calibration 1"
 """Of version 0.1 a NetCDF file of all steps lay beside a JSON file that told of them."""
-KINDS: dict[str, Any] = {
-    "dark": DarkField,
-    "flat": FlatField,
-    "linearity": Linearity,
-    "registration": Registration,
-    "dispersion": MeasuredDispersion,
-    "shear": MeasuredShear,
-    "timing": Timing,
-    "psf": PsfStack,
-    "wavefront": ZernikeFit,
-}
-"""Name of a part → what it holds; of ``psf`` and ``wavefront`` there is one per slot, with its number at the end."""
-DIMS: dict[str, dict[str, str]] = {
-    "dark": {"mean": "y x", "read_noise": "y x", "defects": "y x"},
-    "flat": {"gain": "y x", "defects": "y x"},
-    "linearity": dict.fromkeys(("exposures", "levels", "variances", "deviations"), "exposure"),
-    "registration": {
-        "matrix": "axis row_column_shift", "std": "axis row_column_shift", "codes": "axis", "sensor": "axis",
-    },
-    "dispersion": {
-        "shifts": "wavelength axis", "std": "wavelength axis", "wavelengths": "wavelength", "response": "wavelength",
-        "misfit": "wavelength", "coefficients": "power axis", "residual": "axis",
-    },
-    "shear": {
-        "places": "view axis", "shifts": "view axis", "light": "view", "step": "axis", "std": "axis", "cross": "axis",
-    },
-    "timing": {"std": "delay_ratio"},
-    "psf": {
-        "values": "depth wavelength y x", "depths": "depth", "wavelengths": "wavelength", "centres": "depth axis",
-        "noise": "depth wavelength",
-    },
-    "wavefront": {"modes": "mode n_m", "coefficients": "mode", "std": "mode", "tilts": "depth tilt"},
-}  # fmt: skip
-UNITS = {
-    "matrix": "sensor pixels per code pixel, and sensor pixels",
-    "shifts": "sensor pixels",
-    "step": "sensor pixels per view",
-    "delay": "slots of the aperture",
-    "coefficients": "m rms of height",
-    "wavelengths": "m",
-    "depths": "m",
-    "exposures": "s",
-}
 _SENSOR_ALONE = ("dark", "flat", "linearity")
 _STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
-_OF_STEP = ("residuals", "sources", "settings")
 
 
 @dataclass(frozen=True)
@@ -199,54 +154,10 @@ class Calibration:
             "camera": self.about["camera"],
         }  # fmt: skip
         groups = {"/": xr.Dataset(attrs={k: json.dumps(plain(v)) for k, v in about.items()})}
-        groups |= {name: _group(name, part, self.about["steps"][name]) for name, part in self.parts.items()}
+        groups |= {name: group_of(name, part, self.about["steps"][name]) for name, part in self.parts.items()}
         with atomic_path(path) as temporary:
             xr.DataTree.from_dict(groups).to_netcdf(temporary, engine="h5netcdf")
         return Calibration(self.parts, {**about, "steps": self.about["steps"]}, path)
-
-
-def kind_of(name: str) -> str:
-    """``psf`` of ``psf0``."""
-    return name.rstrip("0123456789")
-
-
-def _group(name: str, part: Any, step: Mapping[str, Any]) -> xr.Dataset:
-    """Variables of a part with their units, and what its step says as attributes."""
-    import xarray as xr
-
-    values = {field.name: getattr(part, field.name) for field in fields(part)}
-    attrs = {key: json.dumps(plain(step[key])) for key in _OF_STEP} | {"measured": step["measured"]}
-    attrs |= {key: value for key, value in values.items() if isinstance(value, str)}
-    dims = DIMS[kind_of(name)]
-    variables = {
-        key: (dims.get(key, "").split(), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
-        for key, value in values.items()
-        if value is not None and not isinstance(value, str)
-    }
-    return xr.Dataset(variables, attrs=attrs)
-
-
-def _part(name: str, data: xr.Dataset, where: object, before: str = "") -> Any:
-    """The part in a group, or of variables whose names begin with ``before``."""
-    kind, values = KINDS[kind_of(name)], {}
-    for field in fields(kind):
-        key = before + field.name
-        if key in data.variables:
-            values[field.name] = _typed(data[key].values, str(field.type))
-        elif key in data.attrs:
-            values[field.name] = str(data.attrs[key])
-        elif field.default is MISSING:
-            raise DataError(where, f"no {key}", f"all of {name}", "measure it again")
-    return kind(**values)
-
-
-def _typed(value: np.ndarray, kind: str) -> Any:
-    if kind.startswith("tuple[Mode"):
-        return tuple((int(n), int(m)) for n, m in value)
-    if kind.startswith("tuple"):
-        return tuple(int(n) for n in value)
-    plain_types = {"bool": bool, "int": int, "float": float, "float | None": float}
-    return plain_types[kind](value) if kind in plain_types else value
 
 
 def _now() -> datetime:
@@ -290,29 +201,52 @@ def load_calibration(path: str | Path) -> Calibration:
     """
     path = find_calibration(path)
     data = read_dataset(path)
-    read = _read_1 if data.attrs.get("format") == FORMAT_1 else _read
-    try:
-        return read(path, data)
-    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
-        found = f"no calibration ({type(error).__name__}: {error})"
-        raise DataError(path, found, f"a file of tmca calibrate, {FORMAT!r}", "take an unchanged copy") from error
+    stated = data.attrs.get("format")
+    if stated == FORMAT_1:
+        return _read_1(path, data)
+    if stated != json.dumps(FORMAT):
+        raise DataError(path, "no calibration", f"a file of tmca calibrate, {FORMAT!r}", "name one")
+    return _read(path, data)
+
+
+class _Camera(Attributes):
+    """Whose calibration it is."""
+
+    name: str | None = None
+    sensor: tuple[int, int] | None = None
+    codes: tuple[int, int] | None = None
+
+
+class _About(Attributes):
+    """What a calibration says of itself."""
+
+    format: Json[str]
+    created: Json[str]
+    tmca_version: Json[str]
+    builds_on: Json[str | None]
+    camera: Json[_Camera]
+
+
+class _About1(Attributes):
+    """The JSON file of version 0.1."""
+
+    camera: _Camera
+    created: str
+    steps: dict[str, Step]
 
 
 def _read(path: Path, data: xr.Dataset) -> Calibration:
     import xarray as xr
 
-    about = {key: json.loads(data.attrs[key]) for key in ("format", "created", "tmca_version", "builds_on", "camera")}
-    if about["format"] != FORMAT:
-        raise ValueError(f"format {about['format']!r}")
-    with xr.open_datatree(path, engine="h5netcdf") as tree:
+    about = attributes_of(_About, data.attrs, path).model_dump()
+    with whole_file(path, "calibration"), xr.open_datatree(path, engine="h5netcdf") as tree:
         groups = {name: group.to_dataset().load() for name, group in tree.children.items()}
-    steps = {
-        name: {key: json.loads(group.attrs[key]) for key in _OF_STEP} | {"measured": group.attrs["measured"]}
-        for name, group in groups.items()
-    }
-    return Calibration(
-        {name: _part(name, group, path) for name, group in groups.items()}, about | {"steps": steps}, path
-    )
+    steps = {n: attributes_of(StoredStep, group.attrs, f"{path}: {n}").model_dump() for n, group in groups.items()}
+    return _dated(Calibration(_parts(path, groups), about | {"steps": steps}, path))
+
+
+def _parts(path: Path, groups: Mapping[str, xr.Dataset]) -> dict[str, Any]:
+    return {name: part_of(name, group, path) for name, group in groups.items()}
 
 
 def _read_1(path: Path, data: xr.Dataset) -> Calibration:
@@ -320,6 +254,16 @@ def _read_1(path: Path, data: xr.Dataset) -> Calibration:
     side = path.with_suffix(".json")
     if not side.is_file():
         raise DataError(path, f"no {side.name} beside it", "both files of a calibration", "copy both")
-    about = json.loads(side.read_text(encoding="utf-8"))
-    parts = {name: _part(name, data, path, f"{name}_") for name in about["steps"]}
-    return Calibration(parts, {key: about[key] for key in ("camera", "steps", "created")} | about, path)
+    about = read_json(side, _About1).model_dump()
+    return _dated(Calibration({name: part_of(name, data, path, f"{name}_") for name in about["steps"]}, about, path))
+
+
+def _dated(calibration: Calibration) -> Calibration:
+    """The same, whose dates are some.
+
+    Raises:
+        DataError: one that is none.
+    """
+    for stated in [calibration.about["created"], *(step["measured"] for step in calibration.about["steps"].values())]:
+        parsed_date(stated, calibration.where)
+    return calibration

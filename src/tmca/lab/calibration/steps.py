@@ -12,8 +12,9 @@ from tmca.errors import DataError
 from tmca.lab.calibration import figures, fits, shots
 from tmca.lab.calibration.apply import out_of_date
 from tmca.lab.calibration.captures import read_captures, taken_with
-from tmca.lab.calibration.file import Calibration, kind_of
+from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
+from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of

@@ -1,0 +1,165 @@
+"""Parts of a calibration as variables of a file, and back: of their axes, sizes and finite."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import Json
+
+from tmca.attributes import Attributes, FiniteJson
+from tmca.data import plain
+from tmca.errors import DataError
+from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.psf import PsfStack, ZernikeFit
+from tmca.lab.calibration.registration import Registration
+from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
+from tmca.lab.calibration.timing import Timing
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+KINDS: dict[str, Any] = {
+    "dark": DarkField,
+    "flat": FlatField,
+    "linearity": Linearity,
+    "registration": Registration,
+    "dispersion": MeasuredDispersion,
+    "shear": MeasuredShear,
+    "timing": Timing,
+    "psf": PsfStack,
+    "wavefront": ZernikeFit,
+}
+"""Name of a part → what it holds; of ``psf`` and ``wavefront`` there is one per slot, with its number at the end."""
+DIMS: dict[str, dict[str, str]] = {
+    "dark": {"mean": "y x", "read_noise": "y x", "defects": "y x"},
+    "flat": {"gain": "y x", "defects": "y x"},
+    "linearity": dict.fromkeys(("exposures", "levels", "variances", "deviations"), "exposure"),
+    "registration": {
+        "matrix": "axis row_column_shift", "std": "axis row_column_shift", "codes": "axis", "sensor": "axis",
+    },
+    "dispersion": {
+        "shifts": "wavelength axis", "std": "wavelength axis", "wavelengths": "wavelength", "response": "wavelength",
+        "misfit": "wavelength", "coefficients": "power axis", "residual": "axis",
+    },
+    "shear": {
+        "places": "view axis", "shifts": "view axis", "light": "view", "step": "axis", "std": "axis", "cross": "axis",
+    },
+    "timing": {"std": "delay_ratio"},
+    "psf": {
+        "values": "depth wavelength y x", "depths": "depth", "wavelengths": "wavelength", "centres": "depth axis",
+        "noise": "depth wavelength",
+    },
+    "wavefront": {"modes": "mode n_m", "coefficients": "mode", "std": "mode", "tilts": "depth tilt"},
+}  # fmt: skip
+UNITS = {
+    "matrix": "sensor pixels per code pixel, and sensor pixels",
+    "shifts": "sensor pixels",
+    "step": "sensor pixels per view",
+    "delay": "slots of the aperture",
+    "coefficients": "m rms of height",
+    "wavelengths": "m",
+    "depths": "m",
+    "exposures": "s",
+}
+_MAY_LACK = ("drift", "unlike", "worst", "saturation", "deviations", "residual")
+"""Fields that are NaN where they were not measured, see their documents."""
+_OF_STEP = ("residuals", "sources", "settings")
+_SIZES = {"axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}
+"""Of axes that are of one size."""
+_REMEDY = "take an unchanged copy, or measure it again"
+
+
+class Source(Attributes):
+    """A file that a part was measured from; its path is a note, never opened."""
+
+    path: str
+    sha256: str | None = None
+
+
+class Step(Attributes):
+    """What a step says of itself, in the JSON file of version 0.1."""
+
+    residuals: dict[str, float | None]
+    sources: list[Source]
+    settings: dict[str, FiniteJson]
+    measured: str
+
+
+class StoredStep(Attributes):
+    """The same as attributes of a group."""
+
+    residuals: Json[dict[str, float | None]]
+    sources: Json[list[Source]]
+    settings: Json[dict[str, FiniteJson]]
+    measured: str
+
+
+def kind_of(name: str) -> str:
+    """``psf`` of ``psf0``."""
+    return name.rstrip("0123456789")
+
+
+def group_of(name: str, part: Any, step: Mapping[str, Any]) -> xr.Dataset:
+    """Variables of a part with their units, and what its step says as attributes."""
+    import xarray as xr
+
+    values = {field.name: getattr(part, field.name) for field in fields(part)}
+    attrs = {key: json.dumps(plain(step[key])) for key in _OF_STEP} | {"measured": step["measured"]}
+    attrs |= {key: value for key, value in values.items() if isinstance(value, str)}
+    dims = DIMS[kind_of(name)]
+    variables = {
+        key: (dims.get(key, "").split(), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
+        for key, value in values.items()
+        if value is not None and not isinstance(value, str)
+    }
+    return xr.Dataset(variables, attrs=attrs)
+
+
+def part_of(name: str, data: xr.Dataset, where: object, before: str = "") -> Any:
+    """The part in a group, or of variables whose names begin with ``before``.
+
+    Raises:
+        DataError: no such part, or a variable that is missing, of other axes or sizes, no numbers, or not finite.
+    """
+    if (kind := KINDS.get(kind_of(name))) is None:
+        raise DataError(where, f"a part {name}", f"one of {', '.join(KINDS)}", _REMEDY)
+    values: dict[str, Any] = {}
+    sizes = dict(_SIZES)
+    for field in fields(kind):
+        key = before + field.name
+        if key in data.variables:
+            dims = DIMS[kind_of(name)].get(field.name, "").split()
+            array = _checked(np.asarray(data[key].values), field.name, dims, sizes, f"{where}: {name}")
+            values[field.name] = _typed(array, str(field.type))
+        elif key in data.attrs:
+            values[field.name] = str(data.attrs[key])
+        elif field.default is MISSING:
+            raise DataError(where, f"no {key}", f"all of {name}", "measure it again")
+    return kind(**values)
+
+
+def _checked(array: np.ndarray, name: str, dims: list[str], sizes: dict[str, int], where: str) -> np.ndarray:
+    """An array of these axes; ``sizes`` holds what the arrays before it say of them."""
+    if array.dtype.kind not in "biuf" or array.ndim != len(dims):
+        found = f"{name} of shape {array.shape} and type {array.dtype}"
+        raise DataError(where, found, f"numbers by {', '.join(dims) or 'none'}", _REMEDY)
+    for dim, size in zip(dims, array.shape, strict=True):
+        if sizes.setdefault(dim, size) != size or (not size and dim != "power"):
+            raise DataError(where, f"{name} of {size} along {dim}", f"{sizes[dim] or 'some'}", _REMEDY)
+    if name not in _MAY_LACK and not np.isfinite(array).all():
+        raise DataError(where, f"{name} with values that are not finite", "finite ones", _REMEDY)
+    return array
+
+
+def _typed(value: np.ndarray, kind: str) -> Any:
+    if kind.startswith("tuple[Mode"):
+        return tuple((int(n), int(m)) for n, m in value)
+    if kind.startswith("tuple"):
+        return tuple(int(n) for n in value)
+    plain_types = {"bool": bool, "int": int, "float": float, "float | None": float}
+    return plain_types[kind](value) if kind in plain_types else value
