@@ -15,7 +15,16 @@ from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, c
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.pages import page_of
 from tmca.evaluation.study import Code, Study, named, training_of
-from tmca.evaluation.tables import Row, check_counts, check_decoders, check_new, check_weights, csv_text, write_table
+from tmca.evaluation.tables import (
+    Row,
+    Split,
+    check_counts,
+    check_decoders,
+    check_new,
+    check_weights,
+    csv_text,
+    write_table,
+)
 
 
 def run_study(
@@ -68,7 +77,7 @@ def run_study(
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):
             grid.failures.check()
-        split = {"train": train, "test": test, "names": names, "validation": validation}
+        split: Split = {"train": train, "test": test, "names": names, "validation": validation}
         results = page.results(study, measured, split, command)
         write_table(results, page.markdown(results, study), files[:2], overwrite)
         write_text(csv_text(results["rows"], _columns(results["rows"])), files[2], overwrite=overwrite)

@@ -6,7 +6,7 @@ import subprocess  # nosec B404: one fixed command
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
@@ -15,6 +15,15 @@ if TYPE_CHECKING:
     from tmca.evaluation.study import Study
 
 Row = dict[str, Any]
+
+
+class Split(TypedDict):
+    """Sources that a study learned from, measured and validated on; ``names`` are short ones of what was measured."""
+
+    train: list[str]
+    test: list[str]
+    names: dict[str, str]
+    validation: list[str]
 
 
 def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[str, str]:

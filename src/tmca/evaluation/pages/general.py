@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, markdown_table, repository_commit, rows_of, training_rows
+from tmca.evaluation.tables import Row, Split, markdown_table, repository_commit, rows_of, training_rows
 
 
-def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
+def results(study: Study, measured: Sequence[Measured], split: Split, command: Sequence[str]) -> Row:
     """What the JSON file holds: the study, its trainings and searches, and a row for every code, noise and decoder."""
     names = split["names"]
     searches = [

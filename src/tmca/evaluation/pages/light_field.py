@@ -27,7 +27,7 @@ from tmca.evaluation.pages.view_margins import (
 )
 from tmca.evaluation.scenes import read_once
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, grouped, markdown_table, mean, repository_commit, rows_of, training_rows
+from tmca.evaluation.tables import Row, Split, grouped, markdown_table, mean, repository_commit, rows_of, training_rows
 from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.style import save_figure
 from tmca.plots.views import brightest
@@ -49,7 +49,7 @@ _CAPTIONS = {
 }
 
 
-def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
+def results(study: Study, measured: Sequence[Measured], split: Split, command: Sequence[str]) -> Row:
     """What the JSON file holds: rows of whole scenes and of crops, searches, geometry."""
     cells, names, reading = [cell for cell in measured if "metrics" in cell], split["names"], study.reading
     trainings = [

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from tmca.applications.spectral import METRICS
 from tmca.data import read_dataset
@@ -12,7 +11,7 @@ from tmca.data.scenes import load_scene
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.scenes import read_once
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Row, grouped, markdown_table, repository_commit, rows_of, training_rows
+from tmca.evaluation.tables import Row, Split, grouped, markdown_table, repository_commit, rows_of, training_rows
 from tmca.plots.cube import bands, composites, signatures
 from tmca.plots.style import save_figure
 
@@ -31,7 +30,7 @@ _LEARNING = (
 )
 
 
-def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
+def results(study: Study, measured: Sequence[Measured], split: Split, command: Sequence[str]) -> Row:
     """What the JSON file holds: rows, trainings, expected errors."""
     cells = [cell for cell in measured if "metrics" in cell]
     labels = study.decoder_labels

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from tmca.applications.spectral_depth import DEPTH_METRICS
 from tmca.cameras import SpectralDepthCamera
@@ -18,6 +18,7 @@ from tmca.evaluation.spectral_depth import CONSTANT, SpectralDepthEvaluation
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import (
     Row,
+    Split,
     grouped,
     markdown_table,
     mean,
@@ -42,7 +43,7 @@ _THESIS = """Thesis, table 7 (other scenes, bench and training): diffractive ele
 depth MAE .377 m, RMSE .517 m; TMCA 37.92 dB, 8.15, .988, .258 m, .403 m."""
 
 
-def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], command: Sequence[str]) -> Row:
+def results(study: Study, measured: Sequence[Measured], split: Split, command: Sequence[str]) -> Row:
     """What the JSON file holds: rows, searches, and what is predicted of codes (``foretold``)."""
     searches = [
         {name: cell[name] for name in ("code", "noise", "seed", "confusion", "seconds", "foretold")}
@@ -69,7 +70,7 @@ def results(study: Study, measured: Sequence[Measured], split: dict[str, Any], c
     }  # fmt: skip
 
 
-def _split(study: Study, split: dict[str, Any]) -> Row:
+def _split(study: Study, split: Split) -> Row:
     """Names of the scenes and how they were read; which networks have beside, and which is withheld from them."""
     names, how = short_names(split["train"]), ("side", "placed", "from_rgb")
     found: Row = {"train": [*names.values()], "test": [*split["names"].values()]}
