@@ -1,16 +1,35 @@
-"""Help pages: every titled group stands by itself."""
+"""Help pages: on a screen, with what is used most; all of it with ``--help-all``."""
+
+import json
+from pathlib import Path
 
 import pytest
 
-from tmca.cli import main
+from tests.cli.calls import said
+
+COMMANDS = sorted(json.loads(Path(__file__).with_name("frozen.json").read_text())["options"])
+SCREEN = 42
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_fits_a_screen(command, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = said(capsys, *command.split(), "--help").splitlines()
+    assert lines[0].startswith(f"Usage: tmca {command}".rstrip())
+    assert len(lines) <= SCREEN
+    assert max(map(len, lines)) <= 80
+
+
+def test_all_of_the_help_explains_what_the_short_one_only_names(capsys):
+    short, whole = (said(capsys, "compare", "spectral", option) for option in ("--help", "--help-all"))
+    assert len(short.splitlines()) < len(whole.splitlines())
+    assert "--help-all" in short
 
 
 @pytest.mark.parametrize("command", ["spectral", "light-field", "spectral-depth"])
 def test_a_title_follows_an_empty_line(command, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    main(["design", command, "--help"])
-    lines = capsys.readouterr().out.splitlines()
+    lines = said(capsys, "design", command, "--help").splitlines()
     titles = [place for place, line in enumerate(lines) if line.startswith("── ")]
     assert len(titles) > 2
     assert not any(lines[place - 1].strip() for place in titles)
-    assert len(lines) <= 40

@@ -186,10 +186,12 @@ def _settings(texts: list[str] | None) -> dict[str, Any]:
 def _setting(text: str) -> tuple[str, Any]:
     import yaml
 
+    from tmca.yaml_files import parsed_yaml
+
     name, sign, value = text.partition("=")
     if not sign or not name:
         raise SettingError("--set", repr(text), "name=value, such as camera.slots=4")
     try:
-        return name.strip(), yaml.safe_load(value)
+        return name.strip(), parsed_yaml(value)
     except yaml.YAMLError:
         raise SettingError("--set", repr(text), "a value in YAML, such as 4, one-hot or [4, 40]") from None

@@ -21,6 +21,7 @@ import numpy as np
 from tmca.dbd.model import LIGHT_M_S, Complex, Problem, Real, Source, Truth, Units
 from tmca.dbd.simulation import carriers, message_source, noisy, overlaid, unit_vector
 from tmca.errors import DataError, SettingError, TmcaError, check_range
+from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
 _OVERSAMPLING = 32
@@ -340,19 +341,13 @@ def read_scenario(source: str | pathlib.Path) -> Scenario:
         DataError: no such file or name, or a file that is no such description.
         SettingError: values that make no scenario.
     """
-    import yaml
     from pydantic import TypeAdapter, ValidationError
 
     named = _SCENARIOS / f"{source}.yaml"
     file = named if named.is_file() else pathlib.Path(source)
     if not file.is_file():
         raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(scenario_names())}")
-    try:
-        described = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no YAML ({str(error).splitlines()[0]})", "a description of a scenario") from error
-    if not isinstance(described, dict):
-        raise DataError(file, f"{type(described).__name__}", "names and values, such as bandwidth_hz: 10e6")
+    described = read_yaml(file, "a description of a scenario: names and values, such as bandwidth_hz: 10e6")
     described |= {name: described.get(name) or [] for name in ("targets", "paths")}
     try:
         return TypeAdapter(Scenario).validate_python(_plain(described))

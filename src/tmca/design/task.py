@@ -8,16 +8,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
+from pydantic import Field
 
+from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
 from tmca.codes import read_codes, write_codes
 from tmca.design.expected_error import TileMse, design_model
 from tmca.design.kinds import designable
 from tmca.design.search import Design, Effort, decibels, search
 from tmca.design.transfer import Examples
+from tmca.errors import DataError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 
@@ -121,10 +124,11 @@ class Task:
     def _stored(self, file: Path, kind: str) -> Design:
         from tmca.data import read_dataset
 
-        notes, codes = read_dataset(file, ("aperture",)).attrs, read_codes(file).settings()
+        notes = attributes_of(StoredDesign, read_dataset(file, ("aperture",)).attrs, file)
+        codes = read_codes(file).settings()
         shown = _built(self.camera, size=self.period, **codes)
         camera = designable(kind, shown.slots, self.period, start=shown, **self.camera)
-        return Design(kind, camera, float(notes["mse"]), float(notes["random"]), float(notes["seconds"]))
+        return Design(kind, camera, notes.mse, notes.random, notes.seconds)
 
     def random(self, kind: str, slots: int) -> CodedCamera:
         """Random codes of a kind."""
@@ -183,9 +187,39 @@ def save_examples(examples: Examples, folder: Path) -> None:
 
 def load_examples(folder: Path, views: Sequence[int] | None = None) -> Examples:
     """Examples that `save_examples` wrote; (V, U) views where they are light fields."""
-    stored = json.loads((folder / "examples.json").read_text())
-    scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in stored["areas"]}
+    stored = _examples(folder / "examples.json")
+    scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in stored.areas}
     bands = next(iter(scenes.values())).wavelengths
     one = designable("static", 1, (8, 8), **camera_arguments(bands or (), views))
     with torch.no_grad():
-        return Examples(design_model(one.taps()), scenes, stored["areas"], stored["peaks"])
+        return Examples(design_model(one.taps()), scenes, stored.areas, stored.peaks)
+
+
+class StoredExamples(Attributes):
+    """See `Examples`."""
+
+    areas: dict[str, Annotated[int, Field(ge=1, lt=2**53)]] = Field(min_length=1)
+    peaks: dict[str, Annotated[float, Field(gt=0)]]
+
+
+class StoredDesign(Attributes):
+    """See `Design`."""
+
+    mse: float = Field(ge=0)
+    random: float = Field(ge=0)
+    seconds: float = Field(ge=0)
+
+
+def _examples(file: Path) -> StoredExamples:
+    """Areas and peaks of the same scenes, whose names are names of files.
+
+    Raises:
+        DataError: anything else.
+    """
+    stored: StoredExamples = read_json(file, StoredExamples)
+    if stored.areas.keys() != stored.peaks.keys():
+        raise DataError(file, "areas and peaks of different scenes", "those of the same", "write the examples again")
+    for name in stored.areas:
+        if Path(f"scene-{name}").name != f"scene-{name}" or "\0" in name:
+            raise DataError(file, f"a scene {name[:40]!r}", "the name of a file beside it", "write the examples again")
+    return stored

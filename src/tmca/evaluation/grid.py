@@ -16,15 +16,19 @@ from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
-from warnings import simplefilter
+from warnings import simplefilter, warn
 
 from pydantic import BaseModel
 
 import tmca
+from tmca.attributes import FiniteJson, read_json
 from tmca.data import make_folder, write_json, write_text
+from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
-from tmca.errors import SettingError, TmcaError
+from tmca.errors import DataError, SettingError, TmcaError
 
+_DIGEST = "digest"
+"""Entry of a cell's file: of all the others."""
 Settings = dict[str, Any]
 Measured = dict[str, Any]
 Compute = Callable[[Settings], Measured]
@@ -36,6 +40,10 @@ Timed = Callable[[int, int, str, float], None]
 
 class CellsFailed(TmcaError):
     """Some cells of a grid could not be computed; the results of the others stay on disk."""
+
+
+class DamagedCell(UserWarning):
+    """A finished cell whose file is no longer what was written: it is computed again."""
 
 
 @cache
@@ -160,18 +168,39 @@ def run_cells(
     asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
     names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
     files = [place / f"{cell_key(cell)}.json" for cell in asked]
-    waiting = {files[i]: i for i in range(len(asked)) if not files[i].exists()}  # equal cells once
+    measured = {file: cell for file in dict.fromkeys(files) if (cell := _finished(file)) is not None}
+    waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
     done, own = len(asked) - len(waiting), failures or Failures(place)
     for index, failed in _outcomes(asked, [*waiting.values()], files, compute, jobs, cluster):
         done += 1
         if failed:
             own.met.append((names[index], files[index].with_suffix(".error.txt")))
+        elif (cell := _finished(files[index])) is not None:
+            measured[files[index]] = cell
         if progress:
             progress(done, len(asked), names[index])
     own.total += len(asked)
     if failures is None:
         own.check()
-    return [json.loads(file.read_text()) for file in files if file.exists()]
+    return [dict(measured[file]) for file in files if file in measured]
+
+
+def _finished(file: Path) -> Measured | None:
+    """A cell that was computed before; None of one that was not, or whose file is damaged.
+
+    Warns:
+        DamagedCell: a damaged one.
+    """
+    if not file.exists():
+        return None
+    try:
+        cell: Measured = read_json(file, dict[str, FiniteJson])
+        if cell.pop(_DIGEST, None) != content_digest(cell, _DIGEST):
+            raise DataError(file, "other content than was written", "that of a finished cell")
+    except DataError as error:
+        warn(f"{error}; it is computed again", DamagedCell, stacklevel=3)
+        return None
+    return cell
 
 
 def _outcomes(
@@ -260,6 +289,7 @@ def _one_cell(cell: Settings, file: Path, compute: Compute) -> bool:
     except Exception:
         write_text(traceback.format_exc(), trouble, overwrite=True)
         return True
-    write_json({**cell, **measured}, file, overwrite=True)
+    described = {**cell, **measured}
+    write_json({**described, _DIGEST: content_digest(described, _DIGEST)}, file, overwrite=True)
     trouble.unlink(missing_ok=True)
     return False

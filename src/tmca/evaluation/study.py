@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.applications import application_of
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
-from tmca.errors import DataError, SettingError, TmcaError, check_choice
+from tmca.errors import SettingError, TmcaError, check_choice
 from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.tables import decoder_labels
 from tmca.sensor import Sensor
+from tmca.yaml_files import read_yaml
 
 SHIPPED = Path(__file__).parent / "studies"
 """Studies of `tmca compare`, by the name of their camera."""
@@ -278,13 +278,7 @@ def read_study(path: str | Path) -> Study:
 
 def _described(file: Path) -> Settings:
     """What a YAML file says."""
-    try:
-        described = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no readable YAML ({' '.join(str(error).split())})", "a study") from error
-    if not isinstance(described, dict):
-        raise DataError(file, "no study", "names and values, such as camera: spectral")
-    return described
+    return read_yaml(file, "a study: names and values, such as camera: spectral")
 
 
 def named(entries: Sequence[str]) -> list[str]:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.registering import MaskImage
-from tmca.specs.base import read_yaml
+from tmca.yaml_files import read_yaml
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Nanometres = Annotated[float, Field(gt=100, lt=100_000, allow_inf_nan=False)]

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.errors import DataError, SettingError, check_range
+from tmca.yaml_files import read_yaml
 
 Values = NDArray[np.float64]
+_Parts = tuple[str, tuple[float, ...], tuple[float, float]]
 
 
 def _rational(micrometres: Values, c: Values, power: int) -> Values:
@@ -70,7 +72,12 @@ class Material:
             limits = f"{low * 1e9:.4g} to {high * 1e9:.4g} nm, its data"
             remedy = "choose other bands or another material"
             raise SettingError("material", f"{self.name} at {outside[0] * 1e9:.4g} nm", limits, remedy)
-        return FORMULAS[self.formula](values * 1e6, np.asarray(self.coefficients))
+        with np.errstate(all="ignore"):
+            index = FORMULAS[self.formula](values * 1e6, np.asarray(self.coefficients))
+        if not ((index > 0) & (index < 100)).all():
+            found = f"{self.source or self.name} with a refractive index of {index.max():.3g}"
+            raise SettingError("material", found, "a positive number below 100", "correct its coefficients")
+        return index
 
     @classmethod
     def named(cls, name: str) -> Material:
@@ -92,30 +99,40 @@ class Material:
         Raises:
             DataError: no such file, or none of the known formulas in it.
         """
-        import yaml
-
+        described = read_yaml(path, "a .yml file of refractiveindex.info")
         try:
-            described = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
             return cls(Path(path).stem, *_described(described["DATA"][0]), source=str(path))
-        except FileNotFoundError:
-            raise DataError(path, "no such file", "a .yml file of refractiveindex.info") from None
-        except (OSError, yaml.YAMLError, KeyError, IndexError, TypeError, ValueError) as error:
+        except (KeyError, IndexError, TypeError, ValueError) as error:
             wanted = f"a .yml file of refractiveindex.info, of {', '.join(FORMULAS)}"
-            raise DataError(path, f"no material ({error!r})", wanted) from None
+            raise DataError(path, f"no material ({error!r:.200})", wanted) from None
 
 
-def _described(data: Mapping[str, Any]) -> tuple[str, tuple[float, ...], tuple[float, float]]:
+def _described(data: Mapping[str, Any]) -> _Parts:
     """Formula, coefficients and limits of an entry of a file."""
     kind = str(data["type"])
     if kind.startswith("tabulated n"):
         rows = [line.split() for line in str(data["data"]).splitlines() if line.strip()]
         pairs = sorted((float(row[0]), float(row[1])) for row in rows)
         flat = tuple(value for pair in pairs for value in pair)
-        return "tabulated", flat, (pairs[0][0] * 1e-6, pairs[-1][0] * 1e-6)
+        return _checked("tabulated", flat, (pairs[0][0] * 1e-6, pairs[-1][0] * 1e-6))
     if kind not in FORMULAS:
         raise ValueError(kind)
     low, high = (float(value) * 1e-6 for value in str(data["wavelength_range"]).split())
-    return kind, tuple(float(value) for value in str(data["coefficients"]).split()), (low, high)
+    coefficients = tuple(float(value) for value in str(data["coefficients"]).split())
+    return _checked(kind, coefficients, (low, high))
+
+
+def _checked(kind: str, coefficients: tuple[float, ...], limits: tuple[float, float]) -> _Parts:
+    """What ``Material`` takes.
+
+    Raises:
+        ValueError: coefficients or limits that make no refractive index.
+    """
+    if not (0 < limits[0] < limits[1] < inf and len(coefficients) % 2 == (kind != "tabulated")):
+        raise ValueError(f"limits {limits} and {len(coefficients)} coefficients")
+    if not np.isfinite(coefficients).all():
+        raise ValueError("coefficients that are not finite")
+    return kind, coefficients, limits
 
 
 MATERIALS: dict[str, Material] = {

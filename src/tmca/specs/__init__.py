@@ -4,7 +4,7 @@ Options of the command line, YAML, ``--set`` and the axes of sweeps come from th
 defaults, bounds and help. `tmca.cameras.camera_of` and `tmca.data` make of them what they describe.
 """
 
-from tmca.specs.base import Spec, first_error, read_yaml, spec_of
+from tmca.specs.base import Spec, first_error, spec_of
 from tmca.specs.cameras import CAMERA_SPECS, CameraSpec, CodedSpec, LightFieldSpec, SpectralDepthSpec, SpectralSpec
 from tmca.specs.design import CodeSearchSpec, MaskCameraSpec, MaskSearchSpec
 from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware
@@ -19,6 +19,7 @@ from tmca.specs.reading import (
     ViewsReading,
 )
 from tmca.specs.sensor import SensorSpec, SheetSpec
+from tmca.yaml_files import read_yaml
 
 __all__ = [
     "CAMERA_SPECS",

@@ -3,30 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
-from tmca.errors import DataError, SettingError, TmcaError
+from tmca.attributes import expected_of
+from tmca.errors import SettingError, TmcaError
 
 if TYPE_CHECKING:
     from pydantic import ValidationInfo
-    from pydantic_core import ErrorDetails
 
 SEEDS = 2**30
 """Seeds lie below."""
-EXPECTED = {
-    "greater_than": "a number above {gt}",
-    "greater_than_equal": "{ge} or more",
-    "less_than": "a number below {lt}",
-    "less_than_equal": "at most {le}",
-    "too_long": "at most {max_length} values",
-    "too_short": "at least {min_length} values",
-    "int": "a whole number",
-    "float": "a number",
-}
-"""Type of a validation error, or its first part → what is expected."""
 S = TypeVar("S", bound="Spec")
 
 
@@ -82,35 +70,7 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
-    return SettingError(where, str(first["input"]), _expected(first), "leave it out for the usual")
-
-
-def _expected(error: ErrorDetails) -> str:
-    """What a validation error asks for, in the words of the package's other messages."""
-    words = EXPECTED.get(error["type"]) or EXPECTED.get(error["type"].partition("_")[0])
-    if words:
-        return words.format(**error.get("ctx", {}))
-    said = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return said.partition(", unable")[0]
-
-
-def read_yaml(file: Path, expected: str) -> dict[str, Any]:
-    """Names and values of a YAML file.
-
-    Raises:
-        DataError: no such file, no YAML, or no names with values.
-    """
-    import yaml
-
-    try:
-        values = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(file, "no such file", expected) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise DataError(file, f"no readable YAML ({error})", expected) from None
-    if not isinstance(values, dict):
-        raise DataError(file, f"a {type(values).__name__}", expected)
-    return values
+    return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the usual")
 
 
 def _parts(value: Any) -> Any:

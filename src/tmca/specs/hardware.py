@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from math import inf, isfinite
-from pathlib import Path
 from typing import Any
 
 from tmca.errors import SettingError
-from tmca.specs.base import read_yaml
+from tmca.yaml_files import read_yaml
 
 Pair = tuple[float, float]
 
@@ -131,11 +130,13 @@ class Hardware:
         """
         if text is None:
             return cls()
-        return cls.of(
-            _named(text)
-            if "=" in text
-            else read_yaml(Path(text), "NAME=VALUE,…, or a YAML file of lines NAME: VALUE (docs/hardware.md)")
-        )
+        if "=" in text:
+            return cls.of(_named(text))
+        values = read_yaml(text, "NAME=VALUE,…, or a YAML file of lines NAME: VALUE (docs/hardware.md)")
+        try:
+            return cls.of(values)
+        except SettingError as error:
+            raise SettingError(f"{text}, {error.where}", error.found[:80], error.expected, error.remedy) from None
 
     @property
     def shift(self) -> Pair:

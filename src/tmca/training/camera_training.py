@@ -179,7 +179,7 @@ def training_settings(
     merged = merge({} if name is None else training.presets[name], described)
     for dotted, value in (changes or {}).items():
         merged = merge(merged, nested(dotted.split("."), value))
-    return checked_settings(training.settings, merged, str(file or name or "settings"))
+    return checked_settings(training.settings, merged, str(file or name or "settings"), file, changes or {})
 
 
 def scene_reader(settings: TrainSettings) -> Load:

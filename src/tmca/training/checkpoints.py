@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
 from warnings import warn
 
-from safetensors import SafetensorError
+from pydantic import Field
 from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from tmca.attributes import Attributes, read_json
 from tmca.data import atomic_path, make_folder, write_json
+from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
 
 _NEWEST = 2
@@ -76,15 +77,45 @@ def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer
         if damaged is not None:
             warn(f"{damaged}; going on from the one before", DamagedFile, stacklevel=2)
         try:
-            tensors, state = load_file(path / _TENSORS), json.loads((path / _STATE).read_text())
-        except (OSError, SafetensorError, json.JSONDecodeError) as error:
-            damaged = DataError(path, f"an unreadable checkpoint ({error})", "one that is whole")
+            state, tensors = read_json(path / _STATE, State), _tensors(path / _TENSORS)
+        except DataError as error:
+            damaged = error
             continue
         _restore(path, tensors, system, optimizers)
-        return dict(state)
+        return state.model_dump()
     if damaged is not None:
         raise damaged
     return None
+
+
+class BestStep(Attributes, extra="allow"):
+    """The best validation; without one, and where it is not finite, figures are None."""
+
+    score: float | None
+    step: int = Field(ge=0)
+
+
+class State(Attributes, extra="allow"):
+    """JSON values beside the tensors."""
+
+    step: int = Field(ge=0)
+    best: BestStep
+    losses: list[float | None]
+    cpu_seconds: float = Field(default=0.0, ge=0)
+
+
+def _tensors(file: Path) -> dict[str, Tensor]:
+    """Tensors, none of which holds NaN.
+
+    Raises:
+        DataError: a damaged file.
+    """
+    with whole_file(file, "checkpoint", "delete it"):
+        tensors: dict[str, Tensor] = load_file(file)
+    for name, values in tensors.items():
+        if values.is_floating_point() and not bool(values.isfinite().all()):
+            raise DataError(file, f"numbers in {name[:60]} that are not finite", "a whole checkpoint", "delete it")
+    return tensors
 
 
 def _checkpoints(folder: Path) -> list[Path]:
@@ -103,15 +134,27 @@ def _flat(optimizer: Optimizer) -> dict[str, Tensor]:
 def _restore(path: Path, tensors: dict[str, Tensor], system: nn.Module, optimizers: dict[str, Optimizer]) -> None:
     try:
         system.load_state_dict(_under("system.", tensors))
-    except RuntimeError as error:
-        found = f"the state of another camera or decoder ({error})"
+        for name, optimizer in optimizers.items():
+            _restore_optimizer(optimizer, _under(f"optimizer.{name}.", tensors))
+    except (RuntimeError, ValueError) as error:
+        found = f"the state of another camera or decoder ({str(error)[:300]})"
         raise DataError(path, found, "this run's", "delete the checkpoint") from error
-    for name, optimizer in optimizers.items():
-        state: dict[int, dict[str, Tensor]] = {}
-        for key, value in _under(f"optimizer.{name}.", tensors).items():
-            place, part = key.split(".", 1)
-            state.setdefault(int(place), {})[part] = value
-        optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
+
+
+def _restore_optimizer(optimizer: Optimizer, tensors: dict[str, Tensor]) -> None:
+    """Raises ValueError for the state of other parameters."""
+    parameters = [one for group in optimizer.param_groups for one in group["params"]]
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in tensors.items():
+        place, _, part = key.partition(".")
+        if not (
+            place.isdecimal() and int(place) < len(parameters) and value.shape in ((), parameters[int(place)].shape)
+        ):
+            raise ValueError(f"{key} of the optimizer")
+        state.setdefault(int(place), {})[part] = value
+    if len({frozenset(values) for values in state.values()}) > 1:
+        raise ValueError("parts of the optimizer's state are missing")
+    optimizer.load_state_dict({"state": state, "param_groups": optimizer.state_dict()["param_groups"]})
 
 
 def _under(prefix: str, tensors: dict[str, Tensor]) -> dict[str, Tensor]:

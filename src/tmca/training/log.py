@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from tmca.data import write_text
+from tmca.data.formats.stored import whole_file
+from tmca.errors import DataError
 
 
 class TrainingLog:
@@ -23,8 +25,13 @@ class TrainingLog:
         """What is written so far."""
         if not self.path.exists():
             return []
-        with self.path.open(newline="", encoding="utf-8") as file:
-            return list(csv.DictReader(file))
+        with whole_file(self.path, "log of a run", "delete it"):
+            text = self.path.read_text(encoding="utf-8")
+            rows = list(csv.DictReader(text.splitlines(), restval="", strict=True))
+        for row in rows:
+            if None in row or not (row.get("step") or "").isdecimal():
+                raise DataError(self.path, f"a line {list(row.values())}"[:80], "a step and its figures", "delete it")
+        return rows
 
     def keep_until(self, step: int) -> None:
         """Forget lines after a step: a resumed run writes them again."""

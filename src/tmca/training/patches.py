@@ -17,6 +17,7 @@ from torch import Tensor
 
 from tmca.cameras import moving_scene
 from tmca.data import atomic_path, make_folder
+from tmca.data.formats.stored import whole_file
 from tmca.data.spectral_depth import drawn_nearness
 from tmca.errors import DataError
 
@@ -86,10 +87,11 @@ def cached_array(file: Path, compute: Callable[[], NDArray[Any]]) -> NDArray[Any
         values = compute()
         with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
             np.save(handle, values)
-    try:
-        return np.load(file, mmap_mode="r")
-    except (OSError, ValueError) as error:
-        raise DataError(file, f"no readable array ({error})", "the cached copy of one", "delete it") from error
+    with whole_file(file, "cached array", "delete it"):
+        values = np.load(file, mmap_mode="r", allow_pickle=False)
+    if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu" or not values.size:
+        raise DataError(file, "no array of numbers", "the cached copy of one", "delete it")
+    return values
 
 
 def _identity(name: str) -> str:

@@ -243,15 +243,24 @@ class MaskTrainSettings(TrainSettings):
         return self
 
 
-def checked_settings(model: type[Model], described: Mapping[str, Any], where: str) -> Model:
-    """Raises SettingError for the first thing that is wrong, with its dotted name."""
+def checked_settings(
+    model: type[Model],
+    described: Mapping[str, Any],
+    where: str,
+    file: object = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Model:
+    """Raises SettingError for the first thing that is wrong, with its dotted name, and the file where it is not one of
+    the changes."""
     try:
         return model.model_validate(dict(described))
     except ValidationError as error:
         place, wrong = error.errors()[0]["loc"], first_error(error)
-        name = ".".join(map(str, place)) or where
+        dotted = ".".join(map(str, place))
+        name = dotted if file is None or dotted in (changes or {}) else f"{file}, {dotted}"
+        name = name if dotted else where
         if error.errors()[0]["type"] == "extra_forbidden":
-            names = _names(name, model)
+            names = _names(dotted, model)
             raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
         found = wrong.found if place else "settings that do not go together"
         raise SettingError(name, found, wrong.expected) from None

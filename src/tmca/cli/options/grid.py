@@ -38,9 +38,9 @@ def cluster_parameters(text: str | None) -> dict[str, Any] | None:
     """``NAME=VALUE,…`` for submitit; None without."""
     if text is None:
         return None
-    import yaml
+    from tmca.yaml_files import parsed_yaml
 
     parts = [part.partition("=") for part in text.split(",") if part]
     if not parts or not all(sign for _, sign, _ in parts):
         raise SettingError("--slurm", repr(text), "NAME=VALUE,…, such as timeout_min=60,slurm_partition=gpu")
-    return {name: yaml.safe_load(value) for name, _, value in parts}
+    return {name: parsed_yaml(value) for name, _, value in parts}

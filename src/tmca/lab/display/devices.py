@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.errors import DataError, SettingError
-from tmca.specs.base import read_yaml
+from tmca.yaml_files import read_yaml
 
 _PRESETS = Path(__file__).parent / "presets"
 PRESETS = tuple(sorted(file.stem for file in _PRESETS.glob("*.yaml")))

@@ -1,0 +1,1 @@
+"""Files of the bench: calibrations, manifests, captures, devices, exported decoders."""
