@@ -13,7 +13,7 @@ import tmca
 from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS, Application
 from tmca.applications.demo import Demo, Trial, run_demo
-from tmca.cameras import CAMERAS, Camera, Snapshot
+from tmca.cameras import CAMERAS, Camera, Snapshot, load_cameras
 from tmca.cli import main
 from tmca.data.fitting import middle_of
 from tmca.data.scenes import load_scene
@@ -129,6 +129,25 @@ def known(monkeypatch, tmp_path):
 
 
 @pytest.fixture
+def installed(monkeypatch):
+    """The camera in another package that is not imported yet: its entry point registers it."""
+
+    class Point:
+        name, value = "single-pixel", "my_package.my_camera"
+
+        def load(self):
+            monkeypatch.setitem(CAMERAS, "single-pixel", SinglePixelCamera)
+            monkeypatch.setitem(APPLICATIONS, "single-pixel", SinglePixelApplication())
+
+    monkeypatch.delitem(CAMERAS, "single-pixel")
+    monkeypatch.delitem(APPLICATIONS, "single-pixel")
+    monkeypatch.setattr("tmca.cameras.plugins.entry_points", lambda group: [Point()])
+    load_cameras.cache_clear()
+    yield
+    load_cameras.cache_clear()
+
+
+@pytest.fixture
 def taken():
     return tmca.simulate("coffee", SinglePixelCamera(SIZE))
 
@@ -171,6 +190,27 @@ def test_the_command_line_takes_its_files(taken, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["evaluate", "e.nc", "coffee", "--wavelengths", "400:700:31"])
     assert stop.value.code == 2
+
+
+def test_its_files_bring_it_from_another_package(taken, capsys, request):
+    estimate = tmca.reconstruct(taken, "dagger")
+    expected = tmca.evaluate(estimate, "coffee")["psnr"]
+    estimate.save("e.nc")
+    request.getfixturevalue("installed")
+    main(["evaluate", "e.nc", "coffee", "--json"])
+    assert json.loads(capsys.readouterr().out)["psnr"] == pytest.approx(expected, abs=1e-4)
+
+
+def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed):
+    for kind in ("spectral", "light-field", "spectral-depth"):
+        monkeypatch.setattr(APPLICATIONS[kind], "demo", None)
+    assert len(run_demo(tmp_path / "demo", size=SIZE)["single_pixel"]) == 2
+
+
+def test_what_needs_codes_of_planes_refuses_it(taken, capsys):
+    taken.save("s.nc")
+    assert "single-pixel camera" in refused(capsys, "export", "s.nc", "--device", "dli4120")
+    assert "--conditioning" in refused(capsys, "inspect", "s.nc", "--conditioning")
 
 
 def test_inspect_says_what_its_file_is(taken, capsys):

@@ -24,3 +24,12 @@ def test_all_of_the_help_explains_what_the_short_one_only_names(capsys):
     short, whole = (said(capsys, "compare", "spectral", option) for option in ("--help", "--help-all"))
     assert len(short.splitlines()) < len(whole.splitlines())
     assert "--help-all" in short
+
+
+@pytest.mark.parametrize("command", ["spectral", "light-field", "spectral-depth"])
+def test_a_title_follows_an_empty_line(command, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = said(capsys, "design", command, "--help").splitlines()
+    titles = [place for place, line in enumerate(lines) if line.startswith("── ")]
+    assert len(titles) > 2
+    assert not any(lines[place - 1].strip() for place in titles)

@@ -14,7 +14,7 @@ from tmca.applications.base import APPLICATIONS, Columns, application_of
 from tmca.applications.imaging import evaluate, metric_notes, simulate
 from tmca.applications.pictures import save_picture
 from tmca.applications.report import Section, write_report
-from tmca.cameras import Camera, Snapshot
+from tmca.cameras import Camera, Snapshot, load_cameras
 from tmca.decoders import Estimate, decode
 from tmca.errors import OutputError, TmcaError
 
@@ -149,6 +149,7 @@ class _Run:
 
     def all(self) -> dict[str, list[dict[str, Any]]]:
         """Every camera's files, and the report; returns the rows of the tables."""
+        load_cameras()
         kinds, sections, rows = [kind for kind, one in APPLICATIONS.items() if one.demo], [], {}
         for place, kind in enumerate(kinds):
             camera_rows, pages = self._camera(kind, place / len(kinds), 1 / len(kinds))

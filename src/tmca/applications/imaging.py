@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.applications.base import APPLICATIONS, Application, application_of, noted_reading
 from tmca.arguments import Pair, Seed, checked, described
-from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
+from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.data.in_memory import check_light
 from tmca.decoders import Estimate
@@ -195,7 +195,9 @@ def application_for(estimate: xr.Dataset | str | Path) -> Application:
     else:
         kind = "light field" if "view_v" in estimate.sizes else "cube"
         about = {"attrs": estimate.attrs, "kind": kind, "variables": set(estimate), "depth": "depth" in estimate}
-    named = str(about.get("attrs", {}).get("camera"))
+    named = str(about.get("attrs", {}).get("camera", ""))
+    if named and named not in APPLICATIONS:
+        load_cameras()
     holders = (one for one in APPLICATIONS.values() if one.holds(about))
     return APPLICATIONS.get(named) or next(holders, APPLICATIONS["spectral"])
 

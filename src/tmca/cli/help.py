@@ -53,8 +53,13 @@ class Page:
         with console.capture() as captured:
             self.formatter.render_usage(console, console.options, self.usage)
             self.formatter.render_description(console, console.options, self.description)
+            named = False
             for panel in self.panels:
-                self._print(console, panel, 0 if main and str(panel.title) not in _MAIN else first)
+                count = 0 if main and str(panel.title) not in _MAIN else first
+                if named and count:
+                    console.print()
+                self._print(console, panel, count)
+                named = not count
         return "\n".join(line.rstrip() for line in captured.get().splitlines())
 
     def _print(self, console: Console, panel: HelpPanel, first: int) -> None:

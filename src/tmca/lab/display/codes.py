@@ -136,8 +136,10 @@ def planes_of(camera: Any, source: str) -> Planes:
         source: file or folder that it came from.
 
     Raises:
-        SettingError: a coloured aperture.
+        SettingError: a camera without codes of an aperture or masks, or with a coloured aperture.
     """
+    if not hasattr(camera, "codes"):
+        raise SettingError(source, f"a {camera.kind} camera", "one with codes of planes", "write its patterns yourself")
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     planes = dict(zip(camera.plane_names, camera.codes(), strict=True))
