@@ -10,6 +10,7 @@ from torch import Tensor, nn
 
 from tmca.arguments import Float, Int, checked
 from tmca.errors import SettingError, check_range
+from tmca.specs.sensor import MOST_ELECTRONS, MOST_NOISE
 
 
 @dataclass(frozen=True)
@@ -101,12 +102,17 @@ class Sensor(nn.Module):
         pedestal: Float = 1 / 64,
     ) -> None:
         super().__init__()
-        check_range("read_noise", read_noise, 0)
-        check_range("read_noise_electrons", read_noise_electrons, 0)
+        check_range("read_noise", read_noise, 0, MOST_NOISE)
+        check_range("read_noise_electrons", read_noise_electrons, 0, MOST_ELECTRONS)
         check_range("pedestal", pedestal, 0)
         if full_well is not None:
             check_range(
-                "full_well", full_well, above=0, unit="electrons", remedy="leave it out for a sensor without one"
+                "full_well",
+                full_well,
+                above=0,
+                high=MOST_ELECTRONS,
+                unit="electrons",
+                remedy="leave it out for a sensor without one",
             )
         elif read_noise_electrons:
             found, expected = str(read_noise_electrons), "a full_well beside it"
