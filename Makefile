@@ -2,7 +2,7 @@
 PYTHON ?= python3
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint fuzz benchmarks clean
+.PHONY: demo test test-all lint fuzz kills benchmarks clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -24,6 +24,10 @@ lint: .venv/installed
 	.venv/bin/mypy
 
 # A campaign of 20 000 damaged files; killed, it goes on where it stopped.
+# Every command killed and stopped at twenty moments each.
+kills: .venv/installed
+	TMCA_KILL_MOMENTS=20 .venv/bin/pytest tests/cli/test_kill_table.py
+
 fuzz: .venv/installed
 	.venv/bin/python -m tests.fuzz
 

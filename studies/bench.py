@@ -13,16 +13,7 @@ from tmca.lab.calibration.measured_sensor import measured_sensor
 from tmca.lab.calibration.psf import wavefront_rms
 from tmca.lab.calibration.rendered_bench import DEPTH, NAME, WAVES, nominal_spectral, write_bench
 from tmca.lab.calibration.steps import measure_all
-from tmca.lab.importing import import_capture
-from tmca.lab.merit import (
-    agreement,
-    brightest_rows,
-    neighbours_error,
-    part_of,
-    prediction_error,
-    reprojection_error,
-    withheld,
-)
+from tmca.lab.importing import import_capture, without_pixels
 from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype
 from tmca.lab.registering import (
     block_shifts,
@@ -36,11 +27,11 @@ from tmca.training.snapshot_camera import scene_at, training_of
 
 __all__ = [
     "DEPTH", "REFERENCE", "WAVES", "Calibration", "MeasuredDispersion", "PixelShutter",
-    "SingleDisperser", "agreement", "block_shifts", "brightest_rows", "calibrate_bench", "calibrated_snapshot",
+    "SingleDisperser", "block_shifts", "calibrate_bench", "calibrated_snapshot",
     "explained", "find_calibration", "fine_part", "flattened", "import_capture", "load_calibration",
-    "load_prototype", "measured_sensor", "neighbours_error", "nominal_spectral", "part_of", "prediction_error",
-    "register_mask", "registered", "reprojection_error", "scene_at", "training_of", "wavefront_rms", "withheld",
-    "write_bench",
+    "load_prototype", "measured_sensor", "nominal_spectral",
+    "register_mask", "registered", "scene_at", "training_of", "wavefront_rms",
+    "without_pixels", "write_bench",
 ]  # fmt: skip
 
 

@@ -140,8 +140,8 @@ def test_files_fit_in_the_head():
     assert [f for f in FILES if len(f.read_text().splitlines()) > 400] == []
 
 
-def loaded_after(code):
-    script = f"{code}\nimport sys; print(' '.join(sorted({{m.split('.')[0] for m in sys.modules}})))"
+def loaded_after(code, depth=1):
+    script = f"{code}\nimport sys; print(' '.join(sorted({{'.'.join(m.split('.')[:{depth}]) for m in sys.modules}})))"
     return set(
         subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout.split()
     )
@@ -161,3 +161,9 @@ def test_help_loads_nothing_heavy():
 def test_the_camera_loads_torch_and_numpy_only():
     heavy = {"matplotlib", "xarray", "h5py", "colour", "skimage", "pandas"}
     assert not loaded_after("from tmca.cameras import SpectralCamera; SpectralCamera(size=(4, 4))") & heavy
+
+
+def test_tables_are_had_without_the_engine_that_fills_them():
+    loaded = loaded_after("import tmca.evaluation.tables", depth=3)
+    assert "tmca.evaluation.tables" in loaded
+    assert not {"torch", "tmca.applications", "tmca.training", "tmca.evaluation.run", "tmca.evaluation.sweep"} & loaded

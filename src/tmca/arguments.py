@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict,
 from tmca.errors import SettingError
 
 T = TypeVar("T")
-_LONGEST = 60
+_LONGEST, _REASON = 60, 200
 _SIMPLE = {
     "str": "a name", "bool": "True or False", "int": "a whole number", "float": "a number", "Path": "a path",
     "Sequence": "a list", "Mapping": "names with values",
@@ -150,3 +150,9 @@ def described(value: Any) -> str:
         return _a(type(value).__name__)
     text = repr(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+def reason(error: BaseException) -> str:
+    """What an error of a library says, cut where it goes on."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= _REASON else f"{text[:_REASON]}…"

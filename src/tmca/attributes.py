@@ -7,18 +7,19 @@ from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, JsonValue, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails, to_json
 
 from tmca.arguments import described
-from tmca.errors import DataError
+from tmca.errors import DataError, TmcaError
 
 A = TypeVar("A", bound="Attributes")
 LONGEST = 64 * 2**20
 """Bytes of a JSON file; ours are below a megabyte."""
+_NAME = 80
+"""Characters of the name of an entry in a message."""
 _REMEDY = "take an unchanged copy, or correct it"
-_EXPECTED = {
+EXPECTED = {
     "missing": "it",
     "greater_than": "a number above {gt}",
     "greater_than_equal": "{ge} or more",
@@ -26,8 +27,8 @@ _EXPECTED = {
     "less_than_equal": "at most {le}",
     "too_long": "at most {max_length} values",
     "too_short": "at least {min_length} values",
-    "int_type": "a whole number",
-    "float_type": "a number",
+    "int": "a whole number",
+    "float": "a number",
     "string_type": "a text",
     "bool_type": "true or false",
     "list_type": "a list",
@@ -37,8 +38,11 @@ _EXPECTED = {
     "json_invalid": "JSON",
     "json_type": "JSON",
     "finite_number": "a finite number",
+    "dataclass_type": "names with values",
+    "extra_forbidden": "no such name",
+    "unexpected_keyword_argument": "no such name",
 }
-"""Type of a validation error → what is expected."""
+"""Type of a validation error, or its first part → what is expected."""
 
 
 def finite(value: Any) -> Any:
@@ -56,6 +60,10 @@ def finite(value: Any) -> Any:
 
 FiniteJson = Annotated[JsonValue, AfterValidator(finite)]
 """Any JSON without NaN and infinity."""
+
+
+STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+"""Of a data class that files state whole: its types, finite, and no other names."""
 
 
 class Attributes(BaseModel):
@@ -91,7 +99,7 @@ def attributes_of(kind: type[A], attrs: Mapping[Any, Any], where: object, what: 
 
 def _plain(value: Any) -> Any:
     """Python's values of numpy's, and a text of what JSON does not know."""
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else repr(value)
+    return value.tolist() if hasattr(value, "tolist") else repr(value)
 
 
 def json_of(text: str | bytes, where: object, kind: Any = FiniteJson) -> Any:
@@ -139,11 +147,14 @@ def _data_error(error: ValueError, where: object, what: str) -> DataError:
     if not isinstance(error, ValidationError):
         return DataError(where, f"an {what} that is no text ({error})", "texts and numbers", _REMEDY)
     first = error.errors(include_url=False)[0]
-    name = ".".join(str(part) for part in first["loc"])
+    name = ".".join(str(part) for part in first["loc"])[:_NAME]
     if first["type"] == "missing":
         return DataError(where, f"no {what} {name}", "it", _REMEDY)
+    raised = first.get("ctx", {}).get("error")
+    if isinstance(raised, TmcaError):
+        return DataError(where, f"{what} {name}: {raised.where} {raised.found}", raised.expected, _REMEDY)
     found = f"{what} {name} = {described(first['input'])}" if name else _syntax(first)
-    return DataError(where, found, _expected(first), _REMEDY)
+    return DataError(where, found, expected_of(first), _REMEDY)
 
 
 def _syntax(error: ErrorDetails) -> str:
@@ -152,8 +163,10 @@ def _syntax(error: ErrorDetails) -> str:
     return f"no readable JSON ({error['msg'].removeprefix('Invalid JSON: ')})"
 
 
-def _expected(error: ErrorDetails) -> str:
-    words = _EXPECTED.get(error["type"])
+def expected_of(error: ErrorDetails) -> str:
+    """What a validation error asks for, in the words of the package's other messages."""
+    words = EXPECTED.get(error["type"]) or EXPECTED.get(error["type"].partition("_")[0])
     if words:
         return words.format(**error.get("ctx", {}))
-    return error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    said = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return said.partition(", unable")[0]

@@ -8,14 +8,9 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from studies.bench import (
-    neighbours_error,
-    part_of,
-    prediction_error,
-    scene_at,
-    withheld,
-)
+from studies.bench import scene_at
 from studies.real.decoding import stored_estimate
+from studies.real.merit import neighbours_error, part_of, prediction_error, withheld
 from studies.real.records import ControlRow
 from studies.real.study import Told, first_capture
 from tmca.cameras import Snapshot, SpectralCamera

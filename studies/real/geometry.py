@@ -8,15 +8,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.bench import (
-    brightest_rows,
-    explained,
-    fine_part,
-    flattened,
-    prediction_error,
-    reprojection_error,
-    withheld,
-)
+from studies.bench import explained, fine_part, flattened
+from studies.real.merit import brightest_rows, prediction_error, reprojection_error, withheld
 from studies.real.records import OrderErrors
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import admm_tv, default_weight

@@ -11,12 +11,7 @@ import torch
 from scipy.ndimage import gaussian_filter, median_filter
 from torch import Tensor
 
-from studies.bench import (
-    neighbours_error,
-    prediction_error,
-    reprojection_error,
-    withheld,
-)
+from studies.real.merit import neighbours_error, prediction_error, reprojection_error, withheld
 from studies.real.records import MovieRow
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode, frame_operator

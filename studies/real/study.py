@@ -12,23 +12,25 @@ import numpy as np
 from studies.bench import (
     PixelShutter,
     SingleDisperser,
-    agreement,
     block_shifts,
-    brightest_rows,
     explained,
     fine_part,
     flattened,
     import_capture,
     load_prototype,
-    neighbours_error,
-    prediction_error,
     register_mask,
     registered,
-    reprojection_error,
-    withheld,
 )
 from studies.real.decoding import stored_estimate
 from studies.real.geometry import explained_share, light_by_offset, mask_evidence, order_evidence
+from studies.real.merit import (
+    agreement,
+    brightest_rows,
+    neighbours_error,
+    prediction_error,
+    reprojection_error,
+    withheld,
+)
 from studies.real.movies import study_movie
 from studies.real.records import Geometry, MovieRow, PairRow, SceneRow
 from tmca.cameras import Snapshot, SpectralCamera

@@ -45,7 +45,7 @@ class SinglePixelCamera(Camera):
 
     kind, channel = "single-pixel", "image"
     decoders = frozenset({"dagger", "admm-tv"})
-    needed, stated = ("masks",), ("exposure", "full_scale", "sensor")
+    needed = ("masks",)
     white, channel_names = 1.0, ["image"]
 
     def __init__(self, size=None, slots=160, *, masks=None, exposure="equal", sensor=None):
@@ -171,6 +171,12 @@ def test_the_command_line_takes_its_files(taken, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["evaluate", "e.nc", "coffee", "--wavelengths", "400:700:31"])
     assert stop.value.code == 2
+
+
+def test_inspect_says_what_its_file_is(taken, capsys):
+    taken.save("s.nc")
+    main(["inspect", "s.nc"])
+    assert capsys.readouterr().out.startswith("s.nc: snapshot of a single-pixel camera (")
 
 
 def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):

@@ -141,7 +141,7 @@ def rewritten(tmp_path, change):
         (lambda d: d.drop_vars("displacement"), "no displacement"),
         (lambda d: d.isel(slot=[0]).assign(shutter=d["shutter"].rename(slot="other")), "codes that make no camera"),
         (lambda d: d.isel(x_sensor=slice(1, None)), "shutter"),
-        (lambda d: d.assign(snapshot=d["snapshot"] * np.nan), "not a finite"),
+        (lambda d: d.assign(snapshot=d["snapshot"] * np.nan), "snapshot with values that are not finite"),
         (lambda d: d.assign_attrs(sensor="{"), "attribute sensor"),
         (lambda d: d.assign_attrs(exposure="mean"), "exposure"),
         (lambda d: d.assign_attrs(disperser="triple"), "disperser"),

@@ -60,6 +60,19 @@ def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, p
     assert "--scale: found 2" in refused(capsys, "evaluate", "motorcycle_likelihood.nc", "motorcycle", "--scale", "2")
 
 
+@pytest.mark.parametrize("more", [(), ("--depth", "0.5,1.5", "--planes", "5", "--preset", "quick-diffractive")])
+def test_a_snapshot_needs_its_camera_built_once(monkeypatch, more):
+    built, make = [], SpectralDepthCamera.__new__
+
+    def counted(cls, *arguments, **named):
+        built.append(named["size"])
+        return make(cls, *arguments, **named)
+
+    monkeypatch.setattr(SpectralDepthCamera, "__new__", counted)
+    simulate("--no-figures", *more)
+    assert built == [(40, 44)]
+
+
 def test_options_describe_the_camera(capsys):
     bench = ("--aperture", "1.5e-3", "--psf-window", "25", "--oversampling", "4", "--material", "PMMA")
     own = ("--depth", "0.5,1.5", "--planes", "5", "--mask", "rotational", "--rms-nm", "20", "--period", "40")

@@ -244,9 +244,7 @@ def about_of(folder, **changes):
 @pytest.mark.parametrize("gone", ["read_noise", "scene", "codes", "files", "wavelengths_m", "snapshot"])
 def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, gone):
     (tmp_path / "decoder.json").write_text(about_of(exported[1], **{gone: None}))
-    with pytest.raises(
-        DataError, match=rf"decoder\.json: found no description of a decoder \({gone}: .* export it again"
-    ):
+    with pytest.raises(DataError, match=rf"decoder\.json: found (no )?entry {gone}"):
         check_decoder(tmp_path, exported[0])
 
 

@@ -161,3 +161,13 @@ def test_the_rendered_scenes_prior_is_learned_once_for_a_learner_and_a_block(mon
 def test_the_prior_of_depth_holds_windows_of_the_usual_size(period, window, side):
     made = camera(4, size=(40, 40), period=period)
     assert block_of(made, window=window) == (side + BENCH.window[0] - 1, side + BENCH.window[1] - 1)
+
+
+@pytest.mark.parametrize("camera", ["x", 3, SpectralCamera])
+def test_what_is_no_camera_is_refused_in_one_line(camera):
+    for call in (lambda: find_prior(camera), lambda: learn_prior(cube(), camera=camera)):
+        with pytest.raises(SettingError, match="expected a camera") as raised:
+            call()
+        assert raised.value.where == "camera"
+    with pytest.raises(SettingError, match="found None, expected a camera"):
+        find_prior(None)

@@ -11,12 +11,12 @@ import torch
 from studies.real.decoding import check_real_decoders, decode_real, stored_estimate
 from studies.real.figures import upright, upright_place
 from studies.real.geometry import light_by_offset, mask_evidence
+from studies.real.merit import reprojection_error
 from studies.real.page import page
 from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
-from tests.lab.real_captures.test_merit import taken
+from tests.studies.test_merit import taken
 from tmca.cameras import Snapshot
 from tmca.errors import SettingError
-from tmca.lab.merit import reprojection_error
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 

@@ -81,7 +81,9 @@ def test_sigkill_at_random_moments_changes_nothing(tmp_path):
 def test_what_a_killed_run_left_half_written_is_cleared_away(undisturbed, tmp_path):
     folder = tmp_path / "run"
     folder.mkdir()
-    (folder / ".run.0123456789ab.tmp.json").write_text("{")
+    left = folder / ".run.json.0123456789ab.tmp"
+    left.mkdir()
+    (left / "run.json").write_text("{")
     tiny.train(folder)
     assert same(last_state(folder), last_state(undisturbed))
     assert not list(folder.rglob(".*.tmp*"))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from inspect import signature
@@ -11,10 +10,12 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from pydantic import ConfigDict
 from torch import Tensor
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
+from tmca.attributes import Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
@@ -255,14 +256,24 @@ def application_of(camera: Camera | str) -> Application:
     return APPLICATIONS[kind]
 
 
-def noted_reading(notes: Mapping[str, Any]) -> dict[str, Any]:
+class _Reading(Attributes):
+    """The note on how a scene was read: from where, and arguments of its reader."""
+
+    model_config = ConfigDict(extra="allow")
+    source: str
+
+
+def noted_reading(notes: Mapping[str, Any], where: object = "notes") -> dict[str, Any]:
     """How the scene of a snapshot was read, as its notes say; {} where they do not.
+
+    Args:
+        notes: of a snapshot or an estimate.
+        where: their file, for the message.
 
     Raises:
         DataError: a damaged note.
     """
-    try:
-        return dict(json.loads(notes.get(READING, "{}")))
-    except (TypeError, ValueError) as error:
-        found = repr(notes[READING])
-        raise DataError(f"attribute {READING}", found, "JSON as `tmca simulate` writes it", "delete it") from error
+    if READING not in notes or notes[READING] == "{}":
+        return {}
+    noted: _Reading = json_of(str(notes[READING]), f"{where}: attribute {READING}", _Reading)
+    return noted.model_dump()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from tmca.applications.base import APPLICATIONS, Application, application_of
+from tmca.applications.base import APPLICATIONS, Application, application_of, noted_reading
 from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, moving_scenes
 from tmca.cameras.motion import check_displacement
@@ -152,6 +152,7 @@ def evaluation_of(
     **reading: Any,
 ) -> Evaluation:
     """`evaluate` with what was compared; ``application`` is that of the estimate's file, where it is known."""
+    where = str(estimate) if isinstance(estimate, str | Path) else "estimate"
     if isinstance(estimate, Estimate):
         application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
         parts = {"values": estimate.values.numpy(force=True)}
@@ -159,15 +160,15 @@ def evaluation_of(
     else:
         if not isinstance(estimate, str | Path) and not hasattr(estimate, "data_vars"):
             raise SettingError("estimate", described(estimate), "an Estimate, its to_xarray(), or its file")
-        where = "estimate" if not isinstance(estimate, str | Path) else str(estimate)
         application = application or application_for(estimate)
         stored = application.stored(where, **reading) if isinstance(estimate, str | Path) else estimate
         if not {"radiance", "estimate"} & set(stored):
             raise DataError(where, f"only {', '.join(map(str, stored))}", "estimate, or radiance and depth")
         camera, parts = application.camera_of(stored, where), _parts(stored)
+        noted_reading(stored.attrs, where)  # refuses a damaged note
     if "snapshot" in stored.dims:
         found, remedy = f"{stored.sizes['snapshot']} snapshots", "take estimate.to_xarray().isel(snapshot=0), …"
-        raise ShapeError("estimate", found, "one", remedy)
+        raise ShapeError(where, found, "one", remedy)
     if isinstance(truth, str | Path):
         colours = len(parts["values"]) > 1
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
@@ -176,8 +177,8 @@ def evaluation_of(
             raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")
         labelled = application.scene(truth, camera, "truth")
         scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
-    for where, light in (("estimate", _estimated(stored)), ("truth", _light(scene))):
-        check_light(light, where, -inf)
+    for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
+        check_light(light, name, -inf)
     return Evaluation(application, camera, stored, scene, application.metrics(parts, scene, camera))
 
 

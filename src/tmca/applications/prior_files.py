@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.cameras import Snapshot, SpectralDepthCamera, camera_of
+from tmca.cameras import Snapshot, camera_of
 from tmca.data.fitting import at_bands
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, load_light_field
 from tmca.data.scenes import load_scene
@@ -80,9 +80,9 @@ def _needed(like: Path, mixture: bool, extent: int | None) -> tuple[tuple[float,
         if given:
             raise SettingError(name, "given beside --like", "one of them", "leave it out")
     camera = Snapshot.load(like).camera
-    if not isinstance(camera, SpectralDepthCamera):
+    if camera.psf_window is None:
         raise SettingError("--like", f"a {camera.kind} snapshot", "one of the spectral-depth camera")
-    return camera.wavelengths, needed_block(usual_window(camera), camera.bench.window)
+    return camera.wavelengths, needed_block(usual_window(camera), camera.psf_window)
 
 
 def learn_views_to_file(

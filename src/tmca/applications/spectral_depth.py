@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+from pydantic import Json
 from torch import Tensor
 
 from tmca.applications.base import Application, noted_reading
@@ -16,10 +16,9 @@ from tmca.applications.camera_figures import phase_codes_figure, psf_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
+from tmca.attributes import Attributes, attributes_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.scene_names import READING, compare_source
-from tmca.decoders.estimate import PLANES
-from tmca.errors import DataError
 from tmca.optics import DepthPlanes
 from tmca.sensor import Sensor
 
@@ -89,6 +88,12 @@ class SpectralDepthDemo(Demo):
         psf = "Point spread functions of the four slots over depth, and what points leave behind the shutter."
         last = [*taken.values()][-1]
         return {**drawn, "spectral_depth_psf.png": (psf, psf_figure(last.snapshot.camera))}
+
+
+class _Planes(Attributes):
+    """What an estimate says of the depth that its camera tells apart, see ``tmca.decoders.estimate.PLANES``."""
+
+    depth_planes: Json[DepthPlanes]
 
 
 class SpectralDepthApplication(Application):
@@ -173,11 +178,7 @@ class SpectralDepthApplication(Application):
         """See ``Application``."""
         camera = super().camera_of(stored, where)
         camera.wavelengths = tuple(stored["radiance"]["wavelength"].values.tolist())
-        try:
-            camera.planes = DepthPlanes(**json.loads(stored.attrs[PLANES]))
-        except (KeyError, TypeError, ValueError) as error:
-            found = f"no {PLANES} ({error})"
-            raise DataError(where, found, "a file of `tmca reconstruct`", "reconstruct it again") from error
+        camera.planes = attributes_of(_Planes, stored.attrs, where).depth_planes
         return camera
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:

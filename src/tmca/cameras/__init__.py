@@ -1,7 +1,7 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
-from tmca.cameras.described import CodesWarning, camera_of
+from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_scene, moving_scenes
@@ -34,4 +34,5 @@ __all__ = [
     "load_cameras",
     "moving_scene",
     "moving_scenes",
+    "seen_by",
 ]

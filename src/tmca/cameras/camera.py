@@ -13,9 +13,11 @@ import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Size, checked
+from tmca.attributes import attributes_of
 from tmca.cameras.parts import CameraParts
+from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
 from tmca.codes import Codes, MultiplexedCodes, fitted_codes
-from tmca.codes.files import TILE, Axes, code_variables, json_attribute, tensors
+from tmca.codes.files import TILE, Axes, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
@@ -47,12 +49,11 @@ class Camera(CameraParts, nn.Module, ABC):
     from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
     plane_names: ClassVar[tuple[str, str]] = ("aperture", "shutter")  # what its codes are patterns of
     needed: ClassVar[tuple[str, ...]]  # variables of a file without which it makes no camera
-    stated: ClassVar[tuple[str, ...]]  # attributes without which nobody knows what the variables mean
+    attributes: ClassVar[type[CameraAttributes]] = CameraAttributes  # without which nobody knows what those mean
     views: tuple[int, int] | None = None  # (V, U), where the channels of a scene are views
     wavelengths: tuple[float, ...] = ()  # metres, where they are bands
     dispersion_extent: int = 0  # columns from where the first band lies to where the last one does
     psf_window: tuple[int, int] | None = None  # of a camera of depth, which has the tile_size of its codes too
-    page: ClassVar[str] = "docs/"
 
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
@@ -133,11 +134,13 @@ class Camera(CameraParts, nn.Module, ABC):
         Raises:
             DataError: variables that make no camera; ``where`` names their file.
         """
+        stated = attributes_of(cls.attributes, dataset.attrs, where)
+        check_frame(stated.size, where)
         try:
-            settings = {"exposure": str(dataset.attrs["exposure"]), **cls._settings(dataset, where)}
-            settings["sensor"] = Sensor(**json_attribute(dataset.attrs, "sensor", {}, where))
-            if "size" in dataset.attrs:
-                settings["size"] = tuple(json_attribute(dataset.attrs, "size", None, where))
+            settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
+            settings |= {} if stated.size is None else {"size": stated.size}
+            sensor: dict[str, Any] = dict(stated.sensor)
+            settings["sensor"] = Sensor(**sensor)
             return cls(**{**settings, **changes})
         except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:
             expected = f"{', '.join(cls.needed)} and sensor that fit"
@@ -370,5 +373,6 @@ class CodedCamera(Camera):
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
-        planes, period = tensors(dataset, "aperture", "shutter"), json_attribute(dataset.attrs, "period", None, where)
-        return {**planes, "slots": len(planes["aperture"]), "period": None if period is None else tuple(period)}
+        planes = tensors(dataset, where, "aperture", "shutter")
+        stated = attributes_of(CodedAttributes, dataset.attrs, where)
+        return {**planes, "slots": len(planes["aperture"]), "period": stated.period}

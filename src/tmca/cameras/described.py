@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,8 @@ from tmca.codes import FAMILIES
 from tmca.codes.files import read_codes
 from tmca.data import read_array
 from tmca.errors import SettingError, TmcaError
-from tmca.optics import Dispersion, MaskGeometry, changed_bench
-from tmca.sensor import Sensor
+from tmca.optics import DepthPlanes, Dispersion, MaskGeometry, changed_bench
+from tmca.sensor import Sensor, band_wavelengths
 from tmca.specs import (
     CameraSpec,
     CodedSpec,
@@ -59,18 +60,43 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
         CodesWarning: patterns whose middle is taken, a tile larger than the scene.
     """
     kind: Any = CAMERAS[spec.kind]
-    preset = getattr(spec, "preset", None)
     _check_memory(getattr(spec, "slots", None) or 1, shape)
-    with_files = _ARGUMENTS.get(spec.kind, lambda spec, bench, shape: spec.arguments())(spec, bench, shape)
-    arguments = {**shape, **with_files, "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
+    arguments = {**_arguments(spec, bench, shape), "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
     try:
-        camera: Camera = kind.from_preset(preset, **arguments) if preset else kind(**arguments)
+        camera: Camera = kind(**arguments)
     except TmcaError as error:
         raise _of_file(error, spec) from error
     if isinstance(camera, CodedCamera) and camera.throughput() == 0:
         expected = "some open pixels in aperture and shutter together"
         raise SettingError("aperture", "none that let light through", expected)
     return camera
+
+
+@dataclass(frozen=True)
+class SeenRange:
+    """Bands in metres and depth planes of a camera."""
+
+    wavelengths: tuple[float, ...]
+    planes: DepthPlanes
+
+
+def seen_by(spec: CameraSpec, bench: Spec | None = None) -> SeenRange:
+    """What the spectral-depth camera that a spec describes sees, without building it.
+
+    Raises:
+        SettingError: impossible bands or planes.
+        DataError: a file of codes that cannot be read.
+    """
+    arguments = _arguments(spec, bench, {})
+    near, far = arguments["depth"]
+    return SeenRange(band_wavelengths(arguments["bands"]), DepthPlanes(near, far, arguments["planes"]))
+
+
+def _arguments(spec: CameraSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
+    """Arguments of the constructor that a spec gives: its preset's, the scene's, its own."""
+    preset = getattr(spec, "preset", None)
+    with_files = _ARGUMENTS.get(spec.kind, lambda spec, bench, shape: spec.arguments())(spec, bench, shape)
+    return {**(CAMERAS[spec.kind].preset(preset) if preset else {}), **shape, **with_files}
 
 
 def _of_file(error: TmcaError, spec: CameraSpec) -> TmcaError:

@@ -11,10 +11,12 @@ import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
+from tmca.attributes import attributes_of
 from tmca.cameras.camera import CodedCamera
+from tmca.cameras.stated import LightFieldAttributes
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
-from tmca.codes.files import json_attribute, number_attribute, tensors
+from tmca.codes.files import tensors
 from tmca.errors import check_shape
 from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
 from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
@@ -69,8 +71,7 @@ class LightFieldCamera(CodedCamera):
     presets = PRESETS
     from_scene = ("views", "size")
     needed = ("aperture", "shutter", "vignetting")
-    stated = ("exposure", "shear", "mask_scale", "full_scale", "sensor")
-    page = "docs/light-field.md"
+    attributes = LightFieldAttributes
 
     @checked
     def __init__(
@@ -196,12 +197,12 @@ class LightFieldCamera(CodedCamera):
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
-        settings = super()._settings(dataset, where)
+        settings, stated = super()._settings(dataset, where), attributes_of(LightFieldAttributes, dataset.attrs, where)
         return {
             **settings,
             "size": tuple(settings["shutter"].shape[-2:]),
             "views": dataset["vignetting"].shape,
-            "shear": json_attribute(dataset.attrs, "shear", 1.0, where),
-            "mask_scale": number_attribute(dataset.attrs, "mask_scale", where),
-            **tensors(dataset, "vignetting"),
+            "shear": stated.shear,
+            "mask_scale": stated.mask_scale,
+            **tensors(dataset, where, "vignetting"),
         }

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tmca.attributes import attributes_of
 from tmca.cameras.spectral_depth import SpectralDepthCamera, phase_settings
-from tmca.errors import DataError, TmcaError
-
-_SAID = ("bench", "depth", "filters", "channels", "exposure", "energy")
+from tmca.cameras.stated import PhaseCodesAttributes
+from tmca.errors import DataError
 
 
 def write_phase_codes(
@@ -56,18 +56,15 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
     """
     from tmca.data import read_dataset
 
-    stored, remedy = (
-        read_dataset(path, ("heights", "shutter", "cells")),
-        "write codes with `tmca design spectral-depth`",
-    )
-    if unsaid := [name for name in _SAID if name not in stored.attrs]:
-        raise DataError(path, f"no attribute {', '.join(unsaid)}", f"attributes {', '.join(_SAID)}", remedy)
-    heights, shutter, cells = (stored[name].shape for name in ("heights", "shutter", "cells"))
+    dataset = read_dataset(path, ("heights", "shutter", "cells"))
+    remedy = "write codes with `tmca design spectral-depth`"
+    stated = attributes_of(PhaseCodesAttributes, dataset.attrs, path)
+    heights, shutter, cells = (dataset[name].shape for name in ("heights", "shutter", "cells"))
     if (len(heights), len(shutter)) != (3, 3) or shutter != (heights[0], *cells):
         found = f"heights {heights}, shutter {shutter}, cells {cells}"
         raise DataError(path, found, "(K, rows, columns) of maps, (K, Q, Q) and (Q, Q) of a tile", remedy)
     try:
-        settings = phase_settings(stored, str(path))
-    except (KeyError, TypeError, ValueError, TmcaError) as error:
+        settings = phase_settings(dataset, str(path), stated)
+    except (IndexError, TypeError, ValueError) as error:
         raise DataError(path, f"masks, bench or depth that are none ({error})", "those of a camera", remedy) from error
-    return {**settings, **{name: str(stored.attrs[name]) for name in ("filters", "channels", "exposure")}}
+    return {**settings, "filters": stated.filters, "channels": stated.channels, "exposure": stated.exposure}

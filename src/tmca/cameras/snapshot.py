@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 import torch
-from pydantic import InstanceOf
+from pydantic import InstanceOf, Json
 
-from tmca.arguments import checked, plain
+from tmca.arguments import checked, described
+from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
 from tmca.cameras.plugins import load_cameras
 from tmca.codes.arrays import Array
-from tmca.codes.files import json_attribute, number_attribute
+from tmca.codes.files import tensors
 from tmca.errors import DataError, check_shape
 
 if TYPE_CHECKING:
@@ -88,17 +89,18 @@ class Snapshot(Generic[Kind]):
         from tmca.data import read_dataset
 
         dataset = read_dataset(path)
-        kind = dataset.attrs.get("camera", "spectral")
+        kind = attributes_of(_SnapshotAttributes, dataset.attrs, path).camera
         if kind not in CAMERAS:
             load_cameras()
         if kind not in CAMERAS:
-            raise DataError(path, f"camera = {kind!r}", f"one of {', '.join(CAMERAS)}", "correct the attribute")
+            found = f"camera = {described(kind)}"
+            raise DataError(path, found, f"one of {', '.join(CAMERAS)}", "correct the attribute")
         _check_complete(dataset, path, CAMERAS[kind])
         camera = CAMERAS[kind].from_variables(dataset, str(path))
-        stated = number_attribute(dataset.attrs, "full_scale", str(path))
+        stated = attributes_of(camera.attributes, dataset.attrs, path).full_scale
         if abs(stated - camera.full_scale) > 1e-3 * camera.full_scale:
             wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
-            raise DataError(path, f"full_scale {stated:g}", wanted, "correct the attribute or the response")
+            raise DataError(path, f"attribute full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
         notes = {str(name): value for name, value in dataset.attrs.items() if name not in camera.variables().attrs}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
@@ -143,10 +145,24 @@ def _stored_notes(notes: dict[str, Any]) -> dict[str, Any]:
     return {**stored, **({_JSON: json.dumps(coded)} if coded else {})}
 
 
+class _SnapshotAttributes(Attributes):
+    camera: str = "spectral"
+    json_notes: Json[tuple[str, ...]] = ()
+
+
+class _Note(Attributes):
+    note: FiniteJson
+
+
+class _JsonNote(_Note):
+    note: Json[FiniteJson]
+
+
 def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
-    coded = json_attribute(attributes, _JSON, [], where)
+    coded = attributes_of(_SnapshotAttributes, attributes, where).json_notes
+    kinds: dict[str, type[_Note]] = {name: _JsonNote if name in coded else _Note for name in attributes}
     return {
-        name: json_attribute(attributes, name, None, where) if name in coded else plain(value)
+        name: attributes_of(kinds[name], {"note": value}, where, f"attribute {name}:").note
         for name, value in attributes.items()
         if name != _JSON
     }
@@ -158,14 +174,11 @@ def holds_snapshot(variables: set[str]) -> bool:
 
 
 def _check_complete(dataset: xr.Dataset, where: str | Path, kind: type[Camera]) -> None:
-    """Raises DataError unless a snapshot and all variables and attributes of a kind of camera are there."""
+    """Raises DataError unless a snapshot and all variables of a kind of camera are there."""
     if missing := [name for name in ("snapshot", *kind.needed) if name not in dataset.variables]:
         there = f"no {', '.join(missing)} (there is: {', '.join(map(str, dataset.variables)) or 'nothing'})"
         remedy = "write it with `tmca simulate` or add the missing variables"
         raise DataError(where, there, "a snapshot with the codes that made it", remedy)
-    if unstated := [name for name in kind.stated if name not in dataset.attrs]:
-        remedy = f"write it with `tmca simulate` or add them; {kind.page} says what they mean"
-        raise DataError(where, f"no attribute {', '.join(unstated)}", f"attributes {', '.join(kind.stated)}", remedy)
 
 
 def _shape(values: np.ndarray, axes: tuple[str, ...]) -> tuple[int, ...]:
@@ -180,16 +193,12 @@ def _values(dataset: xr.Dataset, camera: Camera, where: str) -> torch.Tensor:
     Raises:
         DataError: other axes or sizes than the camera's, or values that are not finite.
     """
-    stored = dataset["snapshot"]
-    values = torch.from_numpy(np.array(stored.values, dtype=np.float32))
+    stored, values = dataset["snapshot"], tensors(dataset, where, "snapshot")["snapshot"]
     colours = "colour" in stored.dims
     batch = values if colours else values[None]
     channels, height, width = camera.snapshot_shape
     batch = batch if "channel" in stored.dims or channels > 1 else batch[:, None]
-    if batch.ndim != 4 or not bool(torch.isfinite(values).all()):
-        image = f"a snapshot that is not a finite image of {channels}×{height}×{width}"
-        raise DataError(where, image, "one value per sensor pixel", "mend it")
-    if tuple(batch.shape[1:]) != camera.snapshot_shape:
+    if batch.ndim != 4 or tuple(batch.shape[1:]) != camera.snapshot_shape:
         there = f"a snapshot of {'×'.join(map(str, batch.shape[1:]))} (channels, rows, columns)"
         raise DataError(where, there, f"{channels}×{height}×{width} from its codes and geometry")
     return batch

@@ -11,11 +11,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
-from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked
+from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
+from tmca.attributes import attributes_of
 from tmca.cameras.camera import BandCamera, CodedCamera
+from tmca.cameras.stated import SpectralAttributes
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
-from tmca.codes.files import json_attribute, number_attribute, tensors
+from tmca.codes.files import tensors
 from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
 from tmca.operators import (
     LinearOperator,
@@ -78,8 +80,7 @@ class SpectralCamera(BandCamera, CodedCamera):
     Spec = SpectralSpec
     presets = PRESETS
     needed = ("aperture", "shutter", "displacement", "response", "wavelength")
-    stated = ("exposure", "disperser", "origin", "full_scale", "sensor")
-    page = "docs/spectral.md"
+    attributes = SpectralAttributes
     coloured: Tensor | None
 
     @checked
@@ -193,32 +194,32 @@ class SpectralCamera(BandCamera, CodedCamera):
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
-        settings, coloured = super()._settings(dataset, where), dataset.get("coloured_aperture")
-        if coloured is not None:
-            values = coloured.transpose("wavelength", "y", "x").values
-            settings["coloured"] = torch.tensor(values, dtype=torch.float32)
-        plane = settings["shutter" if dataset.attrs["disperser"] == "dual" else "aperture"]
+        settings, stated = super()._settings(dataset, where), attributes_of(SpectralAttributes, dataset.attrs, where)
+        if "coloured_aperture" in dataset:
+            transposed = dataset[["coloured_aperture"]].transpose("wavelength", "y", "x", ...)
+            settings["coloured"] = tensors(transposed, where, "coloured_aperture")["coloured_aperture"]
+        plane = settings["shutter" if stated.disperser == "dual" else "aperture"]
         return {
             **settings,
             "size": tuple(plane.shape[-2:]),
             "bands": dataset["wavelength"].values.tolist(),
             "dispersion": dataset["displacement"].values.tolist(),
-            "disperser": dataset.attrs["disperser"],
-            "response": tensors(dataset, "response")["response"],
-            "relay_blur": json_attribute(dataset.attrs, "relay_blur", 0.0, where),
-            "beside": json_attribute(dataset.attrs, "beside", (0, 0), where),
+            "disperser": stated.disperser,
+            "response": tensors(dataset, where, "response")["response"],
+            "relay_blur": stated.relay_blur,
+            "beside": stated.beside,
         }
 
     @classmethod
     def from_variables(cls, dataset: xr.Dataset, where: str, **changes: Any) -> Self:
-        """What a file says of axis and origin must be what its displacement says."""
-        if (axis := dataset.attrs.get("dispersion_axis", "x")) != "x":
-            raise DataError(where, f"dispersion_axis = {axis!r}", "x", "correct the attribute")
+        """What a file says of its origin must be what its displacement says."""
         camera = super().from_variables(dataset, where, **changes)
-        for value in (number_attribute(dataset.attrs, "origin", where), *dataset.coords.get("x_sensor", [])[:1]):
+        stated = attributes_of(SpectralAttributes, dataset.attrs, where).origin
+        columns = dataset["x_sensor"].values.ravel()[:1].tolist() if "x_sensor" in dataset.coords else []
+        for value in (stated, *columns):
             if value != camera._origin:
                 remedy = "correct the displacement or the origin (and x_sensor)"
-                raise DataError(where, f"origin {float(value):g}", f"{camera._origin} from the displacement", remedy)
+                raise DataError(where, f"origin {described(value)}", f"{camera._origin} from the displacement", remedy)
         return camera
 
     @property

@@ -11,11 +11,13 @@ import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
+from tmca.attributes import attributes_of
 from tmca.cameras.camera import BandCamera
 from tmca.cameras.phase_parts import PhaseCodes, mask_maps, shutter_plane
 from tmca.cameras.sensor_tiles import exposed_in_tiles
+from tmca.cameras.stated import PhaseAttributes, SpectralDepthAttributes, check_optics
 from tmca.codes.arrays import Array
-from tmca.codes.files import TILE, compact, json_attribute, tensors
+from tmca.codes.files import TILE, compact, tensors
 from tmca.errors import SettingError, check_choice
 from tmca.operators.spectral_depth import (
     LayeredOperator,
@@ -30,7 +32,6 @@ from tmca.optics import (
     HeightMaps,
     PhaseMaskBench,
     Stroke,
-    changed_bench,
     family_parameters,
     restored_maps,
 )
@@ -126,8 +127,7 @@ class SpectralDepthCamera(BandCamera):
     presets = PRESETS
     plane_names = ("heights", "shutter")
     needed = ("heights", "shutter", "filters", "cells", "response", "wavelength")
-    stated = ("exposure", "bench", "depth", "energy", "full_scale", "sensor")
-    page = "docs/spectral-depth.md"
+    attributes = SpectralDepthAttributes
     response: Tensor
 
     @checked
@@ -329,14 +329,15 @@ class SpectralDepthCamera(BandCamera):
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
         """Without a snapshot or a size beside it the size is that of the tile."""
-        parts = tensors(dataset, "shutter", "filters", "response")
+        parts = tensors(dataset, where, "shutter", "filters", "response")
+        stated = attributes_of(SpectralDepthAttributes, dataset.attrs, where)
         return {
-            **phase_settings(dataset, where),
+            **phase_settings(dataset, where, stated),
             "bands": dataset["wavelength"].values.tolist(),
             "size": tuple(dataset.sizes.get(axis, parts["shutter"].shape[-1]) for axis in ("y", "x")),
             "filters": parts["filters"],
             "channels": parts["response"],
-            "image_formation": str(dataset.attrs.get("image_formation", "linear")),
+            "image_formation": stated.image_formation,
         }
 
 
@@ -348,23 +349,22 @@ _FAMILIES = {
 """Variables of masks that are not free-form."""
 
 
-def phase_settings(dataset: xr.Dataset, where: str) -> dict[str, Any]:
+def phase_settings(dataset: xr.Dataset, where: str, stated: PhaseAttributes) -> dict[str, Any]:
     """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
-    attrs, family = dataset.attrs, [name for name in _FAMILIES if name in dataset]
-    parts, cells = tensors(dataset, "heights", "shutter", *family), torch.tensor(dataset["cells"].values)
-    planes, stroke = json_attribute(attrs, "depth", {}, where), json_attribute(attrs, "stroke", None, where)
-    device = {} if stroke is None else {"stroke": Stroke(**stroke)}
+    family = [name for name in _FAMILIES if name in dataset]
+    parts = tensors(dataset, where, "heights", "shutter", "cells", *family)
+    check_optics(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
     return {
-        **device,
-        "bench": changed_bench(PhaseMaskBench(), json_attribute(attrs, "bench", {}, where)),
-        "depth": (float(planes["near"]), float(planes["far"])),
-        "planes": int(planes["count"]),
+        **({} if stated.stroke is None else {"stroke": stated.stroke}),
+        "bench": stated.bench,
+        "depth": (stated.depth.near, stated.depth.far),
+        "planes": stated.depth.count,
         "slots": len(parts["heights"]),
-        "mask": restored_maps(parts["heights"], parts, device.get("stroke")),
+        "mask": restored_maps(parts["heights"], parts, stated.stroke),
         "shutter": parts["shutter"],
-        "cells": cells.long(),
-        "period": len(cells),
-        "energy": str(attrs["energy"]),
+        "cells": parts["cells"].long(),
+        "period": len(parts["cells"]),
+        "energy": stated.energy,
     }
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
 from tmca.errors import SettingError
 from tmca.specs import LIMITS, CameraSpec, SensorSpec, Spec
+
+if TYPE_CHECKING:
+    from tmca.decoders import Weights
 
 
 def group(title: str, order: int, negative: str = "") -> Parameter:
@@ -24,40 +27,65 @@ Faults = Annotated[str | None, Parameter(group=Group("Hardware", sort_key=5), he
 _WITH_WEIGHTS = ("seed", "slots", "weights", "codes")
 
 
-def camera_for(spec: CameraSpec, sensor: SensorSpec, bench: Spec | None = None, **shape: Any) -> Any:
-    """The camera that options describe; ``shape`` is what the scene gives: size, and bands or views.
+class CameraChoice:
+    """The camera that options describe: built once, when its scene has given it a size, and bands or views.
 
     Raises:
-        SettingError: no camera, or weights with something beside them that says the same.
-        DataError: a file that cannot be used.
+        SettingError: weights with something beside them that says the same, or of another kind.
+        DataError: weights that cannot be read.
     """
-    weights, option = spec.learned()
-    if weights is None:
-        from tmca.cameras import camera_of
 
-        return camera_of(spec, sensor, bench, **shape)
-    beside = {**spec.given(*_WITH_WEIGHTS), **({} if bench is None else bench.given())}
-    for name, value in beside.items():
-        found = f"--{'no-' if value is False else ''}{name.replace('_', '-')} beside weights"
-        raise SettingError(option, found, "learned codes and optics, or chosen ones", "leave one of the two out")
-    return _learned(weights, option, spec, sensor, shape)
+    def __init__(self, spec: CameraSpec, sensor: SensorSpec, bench: Spec | None = None) -> None:
+        self.spec, self.sensor, self.bench = spec, sensor, bench
+        self.name, self.option = spec.learned()
+        self.weights = None if self.name is None else self._learned(self.name)
 
+    def depth_reading(self) -> dict[str, Any]:
+        """What a spectral-depth camera sees, as `tmca.data.load_spectral_depth` takes it: bands, depth range.
 
-def _learned(name: str, option: str, spec: CameraSpec, sensor: SensorSpec, shape: dict[str, Any]) -> Any:
-    from tmca.decoders import Weights
-    from tmca.decoders.nets.weights import same_bands
-    from tmca.sensor import Sensor
+        Raises:
+            SettingError, DataError: as ``build``.
+        """
+        from tmca.applications.spectral_depth import reading_range
+        from tmca.cameras import seen_by
 
-    slots = getattr(spec, "slots", None) if spec.has("slots") else None
-    weights = Weights.find(name, slots or 8)
-    weights.check_kind(spec.kind)
-    if slots not in (None, weights.slots):
-        raise SettingError("slots", f"{slots}", f"{weights.slots}, as these weights have", "leave it out")
-    bands = shape.get("bands")
-    if bands is not None and not same_bands(weights.wavelengths, bands):
-        found = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
-        raise SettingError(option, found, f"the scene's {len(bands)}, {bands[0] * 1e9:.4g} nm and on")
-    return weights.camera_for(shape["size"], sensor=Sensor(**sensor.model_dump()))
+        return reading_range(seen_by(self.spec, self.bench) if self.weights is None else self.weights)
+
+    def build(self, **shape: Any) -> Any:
+        """The camera; ``shape`` is what the scene gives: size, and bands or views.
+
+        Raises:
+            SettingError, ShapeError: no camera, or weights for other bands.
+            DataError: a file that cannot be used.
+        """
+        if self.weights is None:
+            from tmca.cameras import camera_of
+
+            return camera_of(self.spec, self.sensor, self.bench, **shape)
+        from tmca.decoders.nets.weights import same_bands
+        from tmca.sensor import Sensor
+
+        weights, bands = self.weights, shape.get("bands")
+        if bands is not None and not same_bands(weights.wavelengths, bands):
+            found = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
+            raise SettingError(self.option, found, f"the scene's {len(bands)}, {bands[0] * 1e9:.4g} nm and on")
+        return weights.camera_for(shape["size"], sensor=Sensor(**self.sensor.model_dump()))
+
+    def _learned(self, name: str) -> Weights:
+        from tmca.decoders import Weights
+
+        spec = self.spec
+        beside = {**spec.given(*_WITH_WEIGHTS), **({} if self.bench is None else self.bench.given())}
+        for other, value in beside.items():
+            found = f"--{'no-' if value is False else ''}{other.replace('_', '-')} beside weights"
+            remedy = "leave one of the two out"
+            raise SettingError(self.option, found, "learned codes and optics, or chosen ones", remedy)
+        slots = getattr(spec, "slots", None) if spec.has("slots") else None
+        weights = Weights.find(name, slots or 8)
+        weights.check_kind(spec.kind)
+        if slots not in (None, weights.slots):
+            raise SettingError("slots", f"{slots}", f"{weights.slots}, as these weights have", "leave it out")
+        return weights
 
 
 def code_files(spec: CameraSpec) -> list[Path]:

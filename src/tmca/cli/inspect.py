@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.output import check_figure
-from tmca.specs import ViewsReading
+from tmca.specs import CAMERA_SPECS, ViewsReading
 
 _VIEWS = ViewsReading()
 
@@ -59,11 +59,13 @@ def inspect(
 def _lines(description: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
     prior = str(description.get("attrs", {}).get("format", "")).startswith("tmca prior")
-    captured = {"snapshot", "aperture", "shutter"} <= description.get("variables", {}).keys()
+    camera = str(description.get("attrs", {}).get("camera", ""))
+    named, variables = camera not in ("", *CAMERA_SPECS), description.get("variables", {}).keys()
+    captured = {"snapshot", "aperture", "shutter"} <= variables or (named and "snapshot" in variables)
     about = str(description.get("attrs", {}).get("kind", ""))
-    kind = (
-        "snapshot" if captured else f"{about} prior of scene blocks".strip() if prior else about or description["kind"]
-    )
+    kind = f"{about} prior of scene blocks".strip() if prior else about or description["kind"]
+    if captured:
+        kind = f"snapshot of a {camera} camera" if named else "snapshot"
     lines = [f"{description['path']}: {kind} ({description['format']})"]
     for name, variable in description.get("variables", {}).items():
         size = " × ".join(map(str, variable["shape"])) or "one value"

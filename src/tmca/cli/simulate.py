@@ -9,13 +9,12 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, Faults, camera_for, code_files
+from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, CameraChoice, Faults, code_files
 from tmca.cli.options.numbers import Whole, pair, size
 from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import (
-    CameraSpec,
     CubeReading,
     DepthReading,
     Hardware,
@@ -24,7 +23,6 @@ from tmca.specs import (
     MaskPlaceSpec,
     PhaseBenchSpec,
     SensorSpec,
-    Spec,
     SpectralDepthSpec,
     SpectralSpec,
 )
@@ -68,7 +66,7 @@ def spectral(
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
     moved = pair(motion, "--motion")
-    taken = _taken(camera, sensor, None, how, scenes, calibration, hardware, output, assumed, motion=moved)
+    taken = _taken(CameraChoice(camera, sensor), how, scenes, calibration, hardware, output, assumed, motion=moved)
     _write(*taken, output, {"bands": taken[0].camera.bands}, f"{taken[0].camera.bands} bands")
 
 
@@ -97,8 +95,9 @@ def light_field(
         calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
+    choice = CameraChoice(camera, sensor, bench)
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
-    taken = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output, centre_assumed)
+    taken = _taken(choice, how, (scene,), calibration, hardware, output, centre_assumed)
     views = list(taken[0].camera.views)
     _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views")
 
@@ -130,12 +129,10 @@ def spectral_depth(
             newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications.unknown_depth import TOTAL, said_unknown
-    from tmca.cameras.spectral_depth import PROBE
 
-    probe = camera_for(camera, sensor, bench, size=PROBE)
-    planes = {"near": probe.planes.near, "far": probe.planes.far, "wavelengths": probe.wavelengths}
-    how = {**reading.arguments(), **planes, "size": size(crop, "--crop")}
-    taken, target = _taken(camera, sensor, bench, how, (scene,), calibration, hardware, output)
+    choice = CameraChoice(camera, sensor, bench)
+    how = {**reading.arguments(), **choice.depth_reading(), "size": size(crop, "--crop")}
+    taken, target = _taken(choice, how, (scene,), calibration, hardware, output)
     counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}
     height, width = taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
@@ -188,9 +185,7 @@ def any_camera(
 
 
 def _taken(
-    spec: CameraSpec,
-    sensor: SensorSpec,
-    bench: Spec | None,
+    choice: CameraChoice,
     reading: dict[str, Any],
     names: tuple[str, ...],
     calibration: Path | None,
@@ -202,12 +197,13 @@ def _taken(
     """A snapshot of scenes, and the file it goes to."""
     from tmca.applications import application_of
 
+    spec = choice.spec
     application, faults = application_of(spec.kind), Hardware.read(hardware)
     scenes = [application.read(name, **reading) for name in names]
     say(scenes[0])
     _check_target(_target(scenes, output), spec.kind, names[0], output)
     shape = {name: value for name, value in application.parts(scenes[0]).items() if name in spec.shape}
-    camera = camera_for(spec, sensor, bench, **shape)
+    camera = choice.build(**shape)
     how |= {"calibration": calibration, "codes": code_files(spec), "seed": getattr(spec, "seed", 0)}
     return _shot(camera, scenes, names[0], output, faults, **how)
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor
 
+from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 Axes = Sequence[str]
 TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
+_REMEDY = "take an unchanged copy, or correct it"
+_Side = Annotated[int, Field(ge=1)]
 
 
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
@@ -36,9 +39,23 @@ def compact(codes: Tensor) -> np.ndarray:
     return values.astype(np.uint8) if np.isin(values, (0, 1)).all() else values
 
 
-def tensors(dataset: xr.Dataset, *names: str) -> dict[str, Tensor]:
-    """Variables as float32 tensors."""
-    return {name: torch.from_numpy(np.array(dataset[name].values, dtype=np.float32)) for name in names}
+def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
+    """Variables as float32 tensors.
+
+    Raises:
+        DataError: one of no real numbers, or with some that are not finite in single precision.
+    """
+    return {name: _tensor(dataset[name].values, where, name) for name in names}
+
+
+def _tensor(stored: np.ndarray, where: str, name: str) -> Tensor:
+    if stored.dtype.kind not in "buif":
+        raise DataError(where, f"variable {name} of type {stored.dtype}", "real numbers", _REMEDY)
+    with np.errstate(over="ignore"):
+        values = torch.from_numpy(np.array(stored, dtype=np.float32))
+    if not bool(torch.isfinite(values).all()):
+        raise DataError(where, f"variable {name} with values that are not finite", "finite numbers", _REMEDY)
+    return values
 
 
 def differing(one: xr.Dataset, other: xr.Dataset) -> list[str]:
@@ -50,28 +67,10 @@ def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
     return one.shape == other.shape and np.allclose(one.values, other.values, rtol=1e-5, atol=1e-9)
 
 
-def json_attribute(attrs: Mapping[Any, Any], name: str, default: Any, where: str) -> Any:
-    """An attribute that holds JSON.
+class CodesAttributes(Attributes):
+    """Of a codes file: rows and columns of the period, one number for both, or none."""
 
-    Raises:
-        DataError: it does not.
-    """
-    try:
-        return json.loads(attrs[name]) if name in attrs else default
-    except (TypeError, json.JSONDecodeError) as error:
-        raise DataError(where, f"attribute {name} = {attrs[name]!r}", "JSON", "correct or delete it") from error
-
-
-def number_attribute(attrs: Mapping[Any, Any], name: str, where: str) -> float:
-    """An attribute that is a finite number.
-
-    Raises:
-        DataError: it is none.
-    """
-    value = np.asarray(attrs[name])
-    if value.size != 1 or value.dtype.kind not in "uif" or not np.isfinite(value).all():
-        raise DataError(where, f"attribute {name} = {attrs[name]!r}", "a finite number", "correct it")
-    return float(value.item())
+    period: tuple[_Side, _Side] | _Side | Json[tuple[()]] | None = None
 
 
 @dataclass(frozen=True)
@@ -125,15 +124,17 @@ def read_codes(path: str | Path) -> CodesFile:
     """Read what ``write_codes`` wrote.
 
     Raises:
-        DataError: no such file, no codes in it, or planes of different numbers of slots.
+        DataError: no such file, no codes within [0, 1] in it, or planes of different numbers of slots.
     """
     from tmca.data import read_dataset
 
     stored = read_dataset(path, ("aperture", "shutter"))
-    aperture, shutter = tensors(stored, "aperture", "shutter").values()
-    if aperture.ndim != 3 or shutter.ndim != 3 or len(aperture) != len(shutter):
+    aperture, shutter = tensors(stored, str(path), "aperture", "shutter").values()
+    if aperture.ndim != 3 or shutter.ndim != 3 or not 0 < len(aperture) == len(shutter):
         text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
         raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
-    period = np.atleast_1d(stored.attrs.get("period", []))
-    tile = (int(period[0]), int(period[-1])) if period.size and np.issubdtype(period.dtype, np.number) else None
-    return CodesFile(aperture, shutter, tile)
+    for name, plane in (("aperture", aperture), ("shutter", shutter)):
+        if not bool(((plane >= 0) & (plane <= 1)).all()):
+            raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", _REMEDY)
+    period = attributes_of(CodesAttributes, stored.attrs, path).period
+    return CodesFile(aperture, shutter, (period, period) if isinstance(period, int) else period or None)

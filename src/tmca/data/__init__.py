@@ -1,15 +1,12 @@
 """Reading and writing files, data sets, splits and rendered scenes."""
 
+from tmca.data.atomic import atomic_path, check_target
 from tmca.data.cubes import Negative, label, read
 from tmca.data.depth_maps import label_depth, read_depth_map
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import describe, view_shifts
 from tmca.data.files import (
-    atomic_path,
-    check_folder,
-    check_target,
     content_digest,
-    make_folder,
     plain,
     read_dataset,
     write_dataset,
@@ -18,6 +15,7 @@ from tmca.data.files import (
     write_tiff,
 )
 from tmca.data.fitting import at_bands, fitted_depth, nearest_bands, select_bands
+from tmca.data.folders import check_folder, make_folder, sole_process
 from tmca.data.formats.opening import read_array
 from tmca.data.formats.stored import Contents, Stored, from_array, reads
 from tmca.data.formats.wavelengths import KNOWN_SETS, KnownSet, metres_to_nm, nm_to_metres
@@ -90,6 +88,7 @@ __all__ = [
     "rendered_scene",
     "rgbd_sources",
     "select_bands",
+    "sole_process",
     "spectral_from_rgb",
     "split_rendered",
     "split_rendered_light_fields",

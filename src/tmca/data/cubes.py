@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.arrays import IRRADIANCE
+from tmca.data.formats.limits import check_array
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import (
@@ -78,7 +79,7 @@ def read(
             return load_views(contents, views, divide_by=scale)
         stored, axis, metres, origin = locate_cube(contents, variable, given)
         chosen = _band_indices(bands, stored.shape[axis])
-        pixels = _load(stored, axis, chosen)
+        pixels = _load(contents.path, stored, axis, chosen)
         check_pixels(pixels, contents.path, negative)
         by, scaled = divisor(stored, axis, scale, pixels if bands is None else None)
         coords = _other_coords(stored, axis)
@@ -179,9 +180,10 @@ def _band_indices(bands: Sequence[int] | None, count: int) -> NDArray[np.int64]:
     return chosen
 
 
-def _load(stored: Stored, axis: int, chosen: NDArray[np.int64]) -> NDArray[np.float32]:
+def _load(path: Path, stored: Stored, axis: int, chosen: NDArray[np.int64]) -> NDArray[np.float32]:
     """``(L, y, x)`` float32 of the chosen bands; all at once only where every band is wanted."""
     turn = _spatial_dims(stored, axis) == ["x", "y"]
+    check_array(path, stored.name, (len(chosen), stored.size // stored.shape[axis]), 4)
     if len(chosen) == stored.shape[axis] and (np.diff(chosen) == 1).all():
         cube = np.moveaxis(stored.whole(), axis, 0)
         return np.array(cube.swapaxes(1, 2) if turn else cube, dtype=np.float32, order="C")

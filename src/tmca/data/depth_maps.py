@@ -40,6 +40,8 @@ def label_depth(values: NDArray[Any], where: object, attrs: dict[str, Any] | Non
     """
     if values.ndim != 2 or not values.size:
         raise ShapeError(where, f"a depth map of shape {values.shape}", "(H, W)")
+    with np.errstate(over="ignore"):
+        values = values.astype(np.float32)
     return labelled_kinds(values, _kinds_of(values), where, attrs)
 
 

@@ -1,25 +1,20 @@
-"""Files of our own: labelled ones read back; written whole or not at all, to a temporary name that is then renamed."""
+"""Files of our own: text, JSON, labelled arrays and TIFF, written whole or not at all; labelled ones read back."""
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import math
-import os
-import secrets
-import shutil
-import tempfile
-import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tmca.arguments import checked
+from tmca.data.atomic import atomic_path
 from tmca.data.formats.arrays import LABELLED, open_labelled
+from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
 from tmca.errors import DataError, OutputError, ShapeError
@@ -30,139 +25,6 @@ if TYPE_CHECKING:
     Labelled = xarray.DataArray | xarray.Dataset
 else:
     Labelled = Any
-
-_ATTEMPTS = 20
-_REASONS = {
-    errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
-    errno.EDQUOT: ("a full disk quota", "room for the file", "free some space or write elsewhere"),
-    errno.EFBIG: ("a file above the size limit", "room for the file", "raise the limit or write elsewhere"),
-    errno.EACCES: ("no permission to write", "a writable folder", "write elsewhere"),
-    errno.EPERM: ("no permission to write", "a writable folder", "write elsewhere"),
-    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), ("a file in the way", "a folder", "choose another name")),
-    errno.EROFS: ("a read-only disk", "a writable folder", "write elsewhere"),
-}
-
-
-@contextmanager
-def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """A temporary path beside ``path``, renamed to it when the block ends well and removed when it does not.
-
-    The temporary name keeps the suffix, so that a writer recognises the format; it may become a file or a
-    folder. What was at ``path`` stays whole until the new one is complete.
-
-    Raises:
-        OutputError: ``path`` exists and ``overwrite`` is False, its folder is missing or cannot be written,
-            or the disk is full.
-    """
-    path = Path(path)
-    check_target(path, overwrite)
-    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(6)}.tmp{path.suffix}")
-    try:
-        yield temporary
-        if not temporary.exists():
-            raise OutputError(path, "nothing written", "a complete file")
-        check_target(path, overwrite)
-        _replace(temporary, path)
-    except OSError as error:
-        raise _output_error(path, error) from error
-    finally:
-        _remove(temporary)
-
-
-def check_target(path: str | Path, overwrite: bool = False) -> None:
-    """Say before long work that its output could not be written.
-
-    Raises:
-        OutputError: no such folder, or the file exists and ``overwrite`` is False.
-    """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
-    if path.exists() and not overwrite:
-        raise OutputError(path, "an existing output", "a new name", "choose another or pass overwrite (--overwrite)")
-
-
-def make_folder(path: str | Path) -> Path:
-    """The folder, made with its parents where it does not exist.
-
-    Raises:
-        OutputError: a file is in its place, or it cannot be made.
-    """
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise _output_error(folder, error) from error
-    return folder
-
-
-def check_folder(path: str | Path) -> None:
-    """Say before long work that a folder cannot be made or written to; nothing is left behind.
-
-    Raises:
-        OutputError: a file is in its place, or its nearest existing parent cannot be written to.
-    """
-    folder = Path(path).absolute()
-    try:
-        there = next(place for place in (folder, *folder.parents) if place.exists())
-        with tempfile.TemporaryFile(dir=there):
-            pass
-    except OSError as error:
-        raise _output_error(path, error) from error
-
-
-def _replace(temporary: Path, path: Path) -> None:
-    """Rename over the old one; an old folder is moved aside first and put back if the rename fails."""
-    for file in [temporary] if temporary.is_file() else [f for f in temporary.rglob("*") if f.is_file()]:
-        _flush(file)
-    if not path.is_dir():
-        os.replace(temporary, path)
-        _flush_folder(path.parent)
-        return
-    if not temporary.is_dir():
-        raise OutputError(path, "an existing folder", "a file or a new name", "choose another name")
-    aside = path.with_name(f".{path.name}.{secrets.token_hex(6)}.old")
-    os.replace(path, aside)
-    try:
-        os.replace(temporary, path)
-    except OSError:
-        os.replace(aside, path)
-        raise
-    shutil.rmtree(aside)
-
-
-def _flush(file: Path) -> None:
-    """Bring the bytes to the disk before the rename: a power cut leaves the old file or the new one."""
-    with file.open("rb+") as handle:
-        os.fsync(handle.fileno())
-
-
-def _flush_folder(folder: Path) -> None:
-    """Bring a rename to the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _remove(temporary: Path) -> None:
-    for _ in range(_ATTEMPTS):
-        if temporary.is_dir():
-            shutil.rmtree(temporary, ignore_errors=True)
-        else:
-            temporary.unlink(missing_ok=True)
-        if not temporary.exists():
-            return
-        time.sleep(0.05)  # a writer's own threads (Zarr's) may still put files there
-
-
-def _output_error(path: str | Path, error: OSError) -> OutputError:
-    unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
-    # numpy's tofile tells a full disk only in words, without the system's number
-    code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
-    found, expected, remedy = _REASONS.get(code or 0, unknown)
-    return OutputError(path, found, expected, remedy)
 
 
 def write_text(text: str, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -301,6 +163,7 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         if missing:
             there = ", ".join(str(name) for name in dataset.variables) or "none"
             raise DataError(path, f"no variable {', '.join(missing)}", f"it beside those there ({there})")
+        check_bytes(path, "all its variables", sum(variable.nbytes for variable in dataset.variables.values()))
         with whole_file(path, LABELLED, "write it again"):
             return dataset.load()
 

@@ -18,6 +18,7 @@ from tmca.data.files import SUFFIXES as LABELLED
 from tmca.data.files import write_dataset
 from tmca.data.fitting import centre_window
 from tmca.data.formats.arrays import IRRADIANCE, open_labelled
+from tmca.data.formats.limits import check_array
 from tmca.data.formats.opening import is_picture, is_zarr, open_contents
 from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.views import DIMS, LENS, open_lenslet, open_views
@@ -141,6 +142,8 @@ def load_views(
     wanted = stored.attrs.get("default_views") if views is None else views
     rows, columns = centre_views(grid, wanted, contents.path)
     window = centre_window((size["y"], size["x"]), crop, scale, contents.path)
+    shown = (len(rows), len(columns), window[0].stop - window[0].start, window[1].stop - window[1].start)
+    check_array(contents.path, stored.name, shown, 4)
     by, scaled = divisor(stored, 0, divide_by, None)
     pixels = np.stack([np.stack([_view(stored, v, u, colour, window, scale or 1) for u in columns]) for v in rows])
     pixels /= np.float32(by)

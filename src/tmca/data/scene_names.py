@@ -9,6 +9,7 @@ from pathlib import Path, PurePosixPath
 from warnings import warn
 
 from tmca.data.files import write_text
+from tmca.data.formats.limits import read_text
 from tmca.data.in_memory import SceneWarning as SceneWarning
 from tmca.data.rendering import is_rendered
 from tmca.data.rgbd import rgbd_sources
@@ -59,6 +60,7 @@ def compare_source(source: str, truth: str) -> None:
 
 
 MANIFEST = "MANIFEST.sha256"
+_LONGEST_NAME = 255
 _SUM_FIRST = re.compile(r"([0-9a-fA-F]{64})\s+\*?(.+)")
 _SUM_LAST = re.compile(r"(.+?)\s+([0-9a-fA-F]{64})")
 
@@ -97,10 +99,7 @@ def parse_sums(path: str | Path) -> dict[str, str | None]:
         DataError: unreadable, a path twice, absolute, or leading out of the root.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(path, f"an unreadable list ({error})", "a text file with one path per line") from error
+    lines = read_text(path, "text file with one path per line").splitlines()
     entries: dict[str, str | None] = {}
     for line in (line.strip() for line in lines):
         if not line or line.startswith("#"):
@@ -110,6 +109,8 @@ def parse_sums(path: str | Path) -> dict[str, str | None]:
             raise DataError(path, f"{name} twice", "each path once")
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
             raise DataError(path, f"the path {name}", "a path relative to the data's root, inside it")
+        if any(len(part.encode()) > _LONGEST_NAME for part in PurePosixPath(name).parts):
+            raise DataError(path, f"the path {name[:60]}…", f"names of at most {_LONGEST_NAME} bytes")
         entries[name] = checksum
     return entries
 

@@ -186,12 +186,10 @@ class Prepared:
         """Raises SettingError unless a camera has the codes and the optics of the one that is prepared for."""
         if camera is self.camera:
             return
-        other = f"one of a {camera.kind} camera"
-        if camera.kind == self.camera.kind:
-            parts = differing(self.camera.variables(), camera.variables())
-            other = f"one of a camera with other {', '.join(parts)}" if parts else ""
-        if other:
-            raise SettingError("snapshot", other, "one of the camera prepared for", "call prepare(snapshot.camera)")
+        parts = differing(self.camera.variables(), camera.variables())
+        if parts:
+            found = f"one of a {camera.kind} camera with other {', '.join(parts)}"
+            raise SettingError("snapshot", found, "one of the camera prepared for", "call prepare(snapshot.camera)")
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:

@@ -63,4 +63,6 @@ def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: boo
             checked[name] = adapter.validate_strings(value) if texts else adapter.validate_python(value)
         except ValidationError:
             raise SettingError(name, repr(value), settings[name].type) from None
+        if not texts and isinstance(value, str) and isinstance(checked[name], int | float):
+            raise SettingError(name, repr(value), settings[name].type, "give a number, not a text")
     return checked

@@ -1,24 +1,27 @@
 """Comparisons and sweeps of every camera: codes, noises, decoders and seeds over test scenes."""
 
-from tmca.evaluation.camera import EVALUATIONS, CameraEvaluation, evaluation_of
-from tmca.evaluation.light_field import LightFieldEvaluation
-from tmca.evaluation.run import run_study
-from tmca.evaluation.spectral import SpectralEvaluation
-from tmca.evaluation.spectral_depth import SpectralDepthEvaluation
-from tmca.evaluation.study import Study, checked_study, read_study
-from tmca.evaluation.sweep import Sweep, run_sweep
+from importlib import import_module
+from typing import Any
 
-__all__ = [
-    "EVALUATIONS",
-    "CameraEvaluation",
-    "LightFieldEvaluation",
-    "SpectralDepthEvaluation",
-    "SpectralEvaluation",
-    "Study",
-    "Sweep",
-    "checked_study",
-    "evaluation_of",
-    "read_study",
-    "run_study",
-    "run_sweep",
-]
+_FACE = {
+    "CameraEvaluation": "camera",
+    "LightFieldEvaluation": "light_field",
+    "SpectralDepthEvaluation": "spectral_depth",
+    "SpectralEvaluation": "spectral",
+    "Study": "study",
+    "Sweep": "sweep",
+    "checked_study": "study",
+    "evaluation_of": "camera",
+    "read_study": "study",
+    "run_study": "run",
+    "run_sweep": "sweep",
+}
+"""Names and the files where they live: imported when they are asked for, as tables are needed without the engine."""
+
+__all__ = sorted(_FACE)
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FACE:
+        return getattr(import_module(f"{__name__}.{_FACE[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 EVALUATIONS: dict[str, CameraEvaluation] = {}
 """Those of cameras that need more than their application says."""
+_SHIPPED = {"spectral": "spectral", "light-field": "light_field", "spectral-depth": "spectral_depth"}
+"""Files of this package that hold one; each is imported when its camera is asked for."""
 Settings = dict[str, Any]
 EXAMPLES = "examples"
 """In the place of a prior's kind: example scenes that codes are searched for."""
@@ -313,4 +316,6 @@ def evaluation_of(kind: str) -> CameraEvaluation:
     Raises:
         SettingError: no camera of this kind.
     """
+    if kind in _SHIPPED and kind not in EVALUATIONS:
+        import_module(f"tmca.evaluation.{_SHIPPED[kind]}")
     return EVALUATIONS.get(kind) or CameraEvaluation(application_of(kind).kind)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.data import make_folder, write_text
+from tmca.data import make_folder, sole_process, write_text
 from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Place
@@ -46,7 +46,7 @@ def run_study(
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
-        OutputError: the results exist.
+        OutputError: the results exist, or another process works in ``work``.
         DataError: a scene that is missing, altered or of no use.
         CellsFailed: some cells failed; the table of the others is written.
     """
@@ -62,17 +62,18 @@ def run_study(
     check_new([*files, *page.picture_files(study, [*names.values()], out)], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
-    grid = Grid(partial(compute, folder=str(work)), make_folder(work), jobs, cluster, progress)
-    plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
-    measured = _measured(plan, grid, test)
-    if not any("metrics" in cell for cell in measured):
+    with sole_process(make_folder(work)):
+        grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
+        plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
+        measured = _measured(plan, grid, test)
+        if not any("metrics" in cell for cell in measured):
+            grid.failures.check()
+        split = {"train": train, "test": test, "names": names, "validation": validation}
+        results = page.results(study, measured, split, command)
+        write_table(results, page.markdown(results, study), files[:2], overwrite)
+        write_text(csv_text(results["rows"], _columns(results["rows"])), files[2], overwrite=overwrite)
+        page.pictures(study, [cell for cell in measured if cell.get("seed", study.seed) == study.seed], out, overwrite)
         grid.failures.check()
-    split = {"train": train, "test": test, "names": names, "validation": validation}
-    results = page.results(study, measured, split, command)
-    write_table(results, page.markdown(results, study), files[:2], overwrite)
-    write_text(csv_text(results["rows"], _columns(results["rows"])), files[2], overwrite=overwrite)
-    page.pictures(study, [cell for cell in measured if cell.get("seed", study.seed) == study.seed], out, overwrite)
-    grid.failures.check()
     return results
 
 

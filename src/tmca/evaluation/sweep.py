@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.applications import application_of
-from tmca.data import check_folder, make_folder, write_text
+from tmca.data import check_folder, make_folder, sole_process, write_text
 from tmca.data.scene_names import identity_of, short_names
 from tmca.decoders import decoders
 from tmca.evaluation.axes import Point, Sweep
@@ -85,7 +85,7 @@ def run_sweep(
 
     Raises:
         SettingError: a combination that makes no camera.
-        OutputError: results exist.
+        OutputError: results exist, or another process works in ``work``.
         DataError: a scene that cannot be used.
         CellsFailed: some cells failed; the others stay in ``work``.
     """
@@ -97,19 +97,20 @@ def run_sweep(
     sweep.evaluation.check_scenes([*sweep.train, *sweep.validation], sweep.scenes, sweep.reading)
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
-    grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
-    cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
-    rows = _rows(points, grid.run(cells), [*names.values()])
-    if not rows:
+    with sole_process(make_folder(work)):
+        grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
+        cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
+        rows = _rows(points, grid.run(cells), [*names.values()])
+        if not rows:
+            grid.failures.check()
+        results = {
+            "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
+            "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
+            "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
+            "train": [Path(name).name for name in sweep.learned], "rows": rows,
+        }  # fmt: skip
+        _write(sweep, results, files, overwrite)
         grid.failures.check()
-    results = {
-        "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
-        "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
-        "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
-        "train": [Path(name).name for name in sweep.learned], "rows": rows,
-    }  # fmt: skip
-    _write(sweep, results, files, overwrite)
-    grid.failures.check()
     return results
 
 

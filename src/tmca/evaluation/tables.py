@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import subprocess
+import subprocess  # nosec B404: one fixed command
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.decoders import decoders_for
 from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
 
@@ -25,6 +24,8 @@ def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[st
         kind: of the camera.
         shown: labels that differ from the decoder's own, and those of networks that are trained row by row; first.
     """
+    from tmca.decoders import decoders_for
+
     known = {name: cls.label for name, cls in decoders_for(kind).items()}
     return {**(shown or {}), **{name: label for name, label in known.items() if name not in (shown or {})}}
 
@@ -180,7 +181,7 @@ def repository_commit() -> str | None:
     """Commit of the checkout that the package runs from (``-dirty`` with uncommitted changes), None outside of one."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=10)  # noqa: S603 # nosec B603
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip() or None

@@ -11,24 +11,27 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field
 from torch import Tensor, nn
 
+from tmca.attributes import Attributes, read_json
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders import Estimate, Weights
 from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.lab.checked_graph import load_program
 from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
 from tmca.lab.importing import WITHHELD
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise, Sensor
 
 DESCRIPTION = "decoder.json"
+Length = Annotated[int, Field(ge=1, le=2**20)]
 _UNITS = "1 is one band of a white scene through open codes"
 _TURNS = (0.6180339887, 0.4142135624, 0.7320508076, 0.2360679775)
 """Turns from row to row of the waves on which codes are projected: irrational, so that no regular code is missed."""
@@ -37,7 +40,7 @@ _SAME = 1e-5
 fiftieth of what one closed pixel of ten million changes."""
 
 
-class DecoderFile(BaseModel):
+class DecoderFile(Attributes):
     """One file of an exported decoder.
 
     Args:
@@ -46,12 +49,12 @@ class DecoderFile(BaseModel):
         error: largest difference from the decoder in torch, as a share of its largest value.
     """
 
-    format: str
-    file: str
+    format: str = Field(pattern="^(torch|onnx)$")
+    file: str = Field(pattern=r"^decoder\.(pt2|onnx)$")
     error: float
 
 
-class Description(BaseModel):
+class Description(Attributes):
     """An exported decoder.
 
     Args:
@@ -66,11 +69,11 @@ class Description(BaseModel):
     """
 
     weights: str
-    snapshot: tuple[int, int, int, int]
-    scene: tuple[int, int, int, int]
+    snapshot: tuple[Length, Length, Length, Length]
+    scene: tuple[Length, Length, Length, Length]
     wavelengths_m: tuple[float, ...] = Field(min_length=1)
-    read_noise: float = Field(ge=0, allow_inf_nan=False)
-    shot_noise: float = Field(ge=0, allow_inf_nan=False)
+    read_noise: float = Field(ge=0)
+    shot_noise: float = Field(ge=0)
     units: str = _UNITS
     codes: tuple[float, ...] = Field(min_length=2 * len(_TURNS) + 1, max_length=2 * len(_TURNS) + 1)
     files: tuple[DecoderFile, ...] = Field(min_length=1)
@@ -111,13 +114,8 @@ def read_description(folder: Path) -> Description:
     file = folder / DESCRIPTION
     if not file.is_file():
         raise DataError(folder, f"no {DESCRIPTION}", "a folder of `tmca decoder export`")
-    try:
-        return Description.model_validate_json(file.read_bytes())
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, first["loc"])) or "no JSON"
-        found = f"no description of a decoder ({place}: {first['msg']})"
-        raise DataError(file, found, "what `tmca decoder export` wrote", "export it again") from None
+    about: Description = read_json(file, Description)
+    return about
 
 
 def check_shapes(about: Description, camera: SpectralCamera, where: object) -> None:
@@ -230,8 +228,14 @@ def _described(
     )  # fmt: skip
 
 
-def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[DecoderFile]:
+def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: bool = False) -> list[DecoderFile]:
     """Compare the files of an exported decoder with the run they were made from, on random input.
+
+    Args:
+        folder: of `export_decoder`.
+        run: folder of the run, or its weights.
+        seed: of the input.
+        trust: see `load_exported`.
 
     Raises:
         DataError: no exported decoder in the folder, one of another camera, or one that computes something else.
@@ -243,33 +247,63 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1) -> list[De
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
     snapshot, checked = _random(camera.snapshot_shape, seed), []
     for entry in about.files:
-        error = _difference(decoder, load_exported(Path(folder) / entry.file), snapshot)
+        error = _difference(decoder, load_exported(Path(folder) / entry.file, trust), snapshot)
         _check_close(Path(folder) / entry.file, error)
         checked.append(entry.model_copy(update={"error": error}))
     return checked
 
 
-def load_exported(file: str | Path) -> Callable[[Tensor], Tensor]:
+def load_exported(file: str | Path, trust: bool = False) -> Callable[[Tensor], Tensor]:
     """An exported decoder as a function of the snapshot (1, 1, H, W').
 
+    Args:
+        file: of `export_decoder`.
+        trust: load it as `torch.export.load` does, which runs whatever code the file holds.
+
     Raises:
-        DataError: no such file, or a broken one.
-        SettingError: onnxruntime is missing.
+        DataError: no such file, a broken one, or one that holds more than tensors and the operators of a decoder.
+        SettingError: onnx or onnxruntime is missing.
     """
     file = Path(file)
     if not file.is_file():
         raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
+    if file.suffix == ".pt2":
+        return _loaded_by_torch(file) if trust else load_program(file)
+    return _loaded_by_onnx(file)
+
+
+@contextmanager
+def _loading(file: Path) -> Iterator[None]:
+    """Within it, whatever a loader raises is a DataError."""
     try:
-        if file.suffix == ".pt2":
-            with _quiet("torch.export"):
-                program = torch.export.load(str(file)).module()
-            return lambda snapshot: program(snapshot)
-        session = _packages("onnxruntime").InferenceSession(str(file), providers=["CPUExecutionProvider"])
+        yield
     except TmcaError:
         raise
     except Exception as error:  # each loader has errors of its own for a broken file
         found = f"a file that cannot be read ({type(error).__name__})"
         raise DataError(file, found, "an exported decoder", "write it again with `tmca decoder export`") from error
+
+
+def _loaded_by_torch(file: Path) -> Callable[[Tensor], Tensor]:
+    with _loading(file), _quiet("torch.export"):
+        program = torch.export.load(str(file)).module()
+    return lambda snapshot: program(snapshot)
+
+
+def _loaded_by_onnx(file: Path) -> Callable[[Tensor], Tensor]:
+    """A model of ONNX's own operators, all of it in the one file."""
+    onnx, runtime = _packages("onnx"), _packages("onnxruntime")
+    with _loading(file):
+        content = file.read_bytes()
+        model = onnx.load_model_from_string(content)
+        tensors = onnx.external_data_helper._get_all_tensors(model)
+        if any(onnx.external_data_helper.uses_external_data(tensor) for tensor in tensors):
+            raise DataError(file, "tensors that lie in other files", "all in this one", "export it again")
+        domains = {one.domain for one in model.opset_import} - {"", "ai.onnx"}
+        if domains or model.functions:
+            found = f"operators of {', '.join(sorted(domains)) or 'its own'}"
+            raise DataError(file, found[:80], "those of ONNX", "export it again with `tmca decoder export`")
+        session = runtime.InferenceSession(content, providers=["CPUExecutionProvider"])
     return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
 
 
@@ -281,8 +315,14 @@ def decoder_file(folder: str | Path, format: str) -> Path:
     return Path(folder) / files[format]
 
 
-def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> Estimate:
+def decode_exported(folder: str | Path, snapshot: str | Path, format: str, trust: bool = False) -> Estimate:
     """The scene of a snapshot file, as `decode` gives it.
+
+    Args:
+        folder: of `export_decoder`.
+        snapshot: file of the camera that the decoder was made for.
+        format: ``"torch"`` or ``"onnx"``.
+        trust: see `load_exported`.
 
     Raises:
         DataError: a snapshot of another camera or with withheld pixels, or a file that is missing.
@@ -291,7 +331,7 @@ def decode_exported(folder: str | Path, snapshot: str | Path, format: str) -> Es
     about, file = read_description(Path(folder)), decoder_file(folder, format)
     taken = Snapshot.load(snapshot)
     check_camera(about, taken.camera, snapshot, withheld=bool(taken.notes.get(WITHHELD)))
-    decoder = load_exported(file)
+    decoder = load_exported(file, trust)
     start = time.perf_counter()
     with torch.no_grad():
         scene = decoder(taken.values)

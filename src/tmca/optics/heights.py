@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import torch
+from pydantic import with_config
 from torch import Tensor, nn
 
+from tmca.attributes import STRICT
 from tmca.errors import SettingError, ShapeError, check_range, check_shape
 from tmca.optics.zernike import Mode, noll, noll_index, pupil_coordinates, zernike_modes
 
@@ -17,6 +19,7 @@ HIGHEST = 1e-2
 """Metres that no phase mask is high."""
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class Stroke:
     """What a device can show.

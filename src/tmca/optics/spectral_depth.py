@@ -6,12 +6,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import inf
-from typing import Any
+from typing import Annotated, Any
 from warnings import warn
 
 import torch
+from pydantic import AllowInfNan, with_config
 from torch import Tensor
 
+from tmca.attributes import STRICT
 from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights
 from tmca.optics.phase import Material, circular_aperture, pixel_places, radians_per_metre, spherical_wave
@@ -21,11 +23,12 @@ from tmca.optics.zernike import noll, pupil_coordinates
 FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
 MODES = 18
 """Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
-_RADII = 16
+_RADII, _MOST_PLANES = 16, 10_000
 _ROUNDING = 1e-6
 """By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class DepthPlanes:
     """D planes from far to near, evenly spaced in inverse depth.
@@ -39,13 +42,13 @@ class DepthPlanes:
     """
 
     near: float
-    far: float
+    far: Annotated[float, AllowInfNan()]
     count: int
 
     def __post_init__(self) -> None:
         if not 0 < self.near < self.far:
             raise SettingError("depth", f"{self.near:g} to {self.far:g} m", "0 < near < far")
-        check_range("planes", self.count, 1, whole=True)
+        check_range("planes", self.count, 1, _MOST_PLANES, whole=True)
 
     @property
     def step(self) -> float:
@@ -96,6 +99,7 @@ class DepthPlanes:
         return (self.nearest(depth) == planes).to(torch.float32)
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class PhaseMaskBench:
     """Distances, pitches and sizes of the bench, metres and pixels.
@@ -119,7 +123,7 @@ class PhaseMaskBench:
 
     diameter: float = 2e-3
     distance: float = 25e-3
-    focus: float | None = 2 / 3
+    focus: Annotated[float, AllowInfNan()] | None = 2 / 3
     pitch: float = 6e-6
     window: tuple[int, int] = (31, 31)
     mask_pixels: int = 64

@@ -10,19 +10,30 @@ import json
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field, Json
 from torch import Tensor
 
+from tmca.attributes import Attributes, FiniteJson
 from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.priors.learning import PATCH
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import checked_cubes
 
+_Side = Annotated[int, Field(ge=1)]
 _CORESET, _TESTED, _SWEEPS = 8000, 2048, 200
+
+
+class DictionaryAttributes(Attributes):
+    """What the file of a dictionary says."""
+
+    views: tuple[_Side, _Side]
+    residual: float = Field(ge=0)
+    notes: Json[dict[str, FiniteJson]]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,6 +63,7 @@ class PatchDictionary(Prior):
     learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
     wavelengths: ClassVar[None] = None
+    stated: ClassVar[type[Attributes]] = DictionaryAttributes
     atoms: Tensor
     scales: Tensor
     views: tuple[int, int]
@@ -158,10 +170,9 @@ class PatchDictionary(Prior):
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
-        atoms, notes = arrays["atom"], json.loads(about["notes"])
+        atoms = arrays["atom"]
         atoms = torch.nn.functional.normalize(atoms.flatten(1), dim=1).reshape(atoms.shape)
-        v, u = (int(number) for number in about["views"])
-        return cls(atoms, arrays["scale"], (v, u), float(about["residual"]), about["sources"], notes)
+        return cls(atoms, arrays["scale"], about["views"], about["residual"], about["sources"], about["notes"])
 
 
 def _centred(patches: Tensor) -> Tensor:

@@ -12,6 +12,7 @@ from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca.arguments import described
 from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.priors.learning import common_channels, cubes_of, fitting_block, source_of, usual_block, values_of
 from tmca.priors.prior import Prior, check_kind, load_prior
@@ -55,12 +56,18 @@ def find_prior(
         SettingError: a prior of another kind or at other bands, or a camera for which nothing is rendered.
         ShapeError: another number of bands or views.
     """
+    _check_camera(camera)
     if given is None:
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
     check_kind(prior, kind)
     prior.check(camera)
     return prior
+
+
+def _check_camera(camera: Any) -> None:
+    if isinstance(camera, type) or not hasattr(camera, "psf_window"):
+        raise SettingError("camera", described(camera), "a camera, such as tmca.SpectralCamera()")
 
 
 def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: Progress) -> Prior:
@@ -173,6 +180,8 @@ def learn_prior(
         ShapeError: scenes with other axes.
         DataError: scenes of different wavelengths or views, or smaller than a block that is needed.
     """
+    if camera is not None:
+        _check_camera(camera)
     examples = _examples(scenes)
     about = common_channels(examples)
     views = about.get("views")

@@ -13,9 +13,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from tmca.arguments import described
+from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.figure import Figure
 
 FORMAT = "tmca prior 1"
@@ -29,7 +32,8 @@ class Prior(ABC):
     import it. Its class attributes: ``kind``; ``called``, with its article; ``learned_by``, the command that writes its
     file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs;
     ``argument``, by which decoders take it; ``of_views``, whether it is of light fields alone; ``of_rendered``, whether
-    that of the rendered scenes is learned where none is given; ``version`` of ``learn``, raised when it makes other
+    that of the rendered scenes is learned where none is given; ``stated``, the model of ``attributes`` in a file;
+    ``version`` of ``learn``, raised when it makes other
     priors of the same scenes; ``settings_of_views``, those of ``learn`` that light fields have otherwise.
     """
 
@@ -42,6 +46,7 @@ class Prior(ABC):
     of_views: ClassVar[bool] = False
     of_rendered: ClassVar[bool] = True
     version: ClassVar[int] = 1
+    stated: ClassVar[type[Attributes]] = Attributes
     settings_of_views: ClassVar[Mapping[str, Any]] = {}
     kinds: ClassVar[dict[str, type[Prior]]] = {}
 
@@ -170,18 +175,31 @@ def load_prior(path: str | Path, kind: str = "gaussian") -> Prior:
 
     check_choice("kind", kind, Prior.kinds)
     data = read_dataset(path)
-    cls = {one.in_files or one.kind: one for one in Prior.kinds.values()}.get(str(data.attrs.get("kind")))
-    if data.attrs.get("format") != FORMAT or cls is None:
+    about = attributes_of(_PriorAttributes, data.attrs, path)
+    cls = {one.in_files or one.kind: one for one in Prior.kinds.values()}.get(about.kind)
+    if about.format != FORMAT or cls is None:
         raise DataError(path, "no prior in it", f"a file written by {Prior.kinds[kind].learned_by}", "learn one")
-    arrays = {name: torch.from_numpy(data[name].values.astype(np.float64)) for name in cls.dimensions if name in data}
-    if not all(values.isfinite().all() for values in arrays.values()):
-        raise DataError(path, "values that are not finite", "numbers", "learn the prior again")
-    sources = tuple(line for line in str(data.attrs.get("sources", "")).split("\n") if line)
-    lengths = tuple(data["wavelength"].values.tolist()) if "wavelength" in data.coords else None
+    arrays = {name: _numbers(data, name, path) for name in cls.dimensions if name in data}
+    lengths = tuple(_numbers(data, "wavelength", path).tolist()) if "wavelength" in data.coords else None
+    sources = tuple(line for line in about.sources.split("\n") if line)
+    said = {**data.attrs, **dict(attributes_of(cls.stated, data.attrs, path))}
     try:
-        return cls.from_arrays(arrays, {**data.attrs, "wavelengths": lengths, "sources": sources})
-    except (KeyError, TypeError, ValueError) as error:
+        return cls.from_arrays(arrays, {**said, "wavelengths": lengths, "sources": sources})
+    except (IndexError, KeyError, TypeError, ValueError) as error:
         raise DataError(path, f"a damaged prior ({error})", "every part of it", "copy the file again") from error
+
+
+class _PriorAttributes(Attributes):
+    format: str = ""
+    kind: str = ""
+    sources: str = ""
+
+
+def _numbers(data: xr.Dataset, name: str, path: str | Path) -> Tensor:
+    """A variable in double precision; DataError unless its numbers are finite."""
+    if data[name].dtype.kind not in "buif" or not bool(np.isfinite(data[name].values).all()):
+        raise DataError(path, f"variable {name} with values that are not finite", "numbers", "learn the prior again")
+    return torch.from_numpy(data[name].values.astype(np.float64))
 
 
 def check_kind(prior: Prior, kind: str) -> None:
@@ -189,5 +207,5 @@ def check_kind(prior: Prior, kind: str) -> None:
     check_choice("kind", kind, Prior.kinds)
     wanted = Prior.kinds[kind]
     if not isinstance(prior, wanted):
-        found, remedy = getattr(prior, "called", f"a {type(prior).__name__}"), f"learn one with {wanted.learned_by}"
+        found, remedy = getattr(prior, "called", described(prior)), f"learn one with {wanted.learned_by}"
         raise SettingError(wanted.argument, found, wanted.called, remedy)

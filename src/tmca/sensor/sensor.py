@@ -10,7 +10,9 @@ from torch import Tensor, nn
 
 from tmca.arguments import Float, Int, checked
 from tmca.errors import SettingError, check_range
-from tmca.specs.sensor import MOST_ELECTRONS, MOST_NOISE
+
+_MOST_NOISE = 1e6
+"""Snapshot units or electrons that no sensor's noise reaches."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ class Sensor(nn.Module):
         pedestal: share of full scale that the converter keeps below zero, so that noise around black is not clipped.
 
     Raises:
-        SettingError: no number, negative noise, full well ≤ 0, bits outside 1…32, electrons without a full well.
+        SettingError: no number, negative or absurd noise, a full well of no electrons, bits outside 1…32, electrons
+            without a full well.
     """
 
     def __init__(
@@ -102,17 +105,12 @@ class Sensor(nn.Module):
         pedestal: Float = 1 / 64,
     ) -> None:
         super().__init__()
-        check_range("read_noise", read_noise, 0, MOST_NOISE)
-        check_range("read_noise_electrons", read_noise_electrons, 0, MOST_ELECTRONS)
-        check_range("pedestal", pedestal, 0)
+        check_range("read_noise", read_noise, 0, _MOST_NOISE)
+        check_range("read_noise_electrons", read_noise_electrons, 0, _MOST_NOISE, unit="electrons")
+        check_range("pedestal", pedestal, 0, 1)
         if full_well is not None:
             check_range(
-                "full_well",
-                full_well,
-                above=0,
-                high=MOST_ELECTRONS,
-                unit="electrons",
-                remedy="leave it out for a sensor without one",
+                "full_well", full_well, 1e-3, 1e15, unit="electrons", remedy="leave it out for a sensor without one"
             )
         elif read_noise_electrons:
             found, expected = str(read_noise_electrons), "a full_well beside it"

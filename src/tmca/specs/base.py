@@ -7,27 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
+from tmca.attributes import expected_of
 from tmca.errors import SettingError, TmcaError
 
 if TYPE_CHECKING:
     from pydantic import ValidationInfo
-    from pydantic_core import ErrorDetails
 
 SEEDS = 2**30
 """Seeds lie below."""
 BANDS = 4096
 """Most bands of a scene."""
-EXPECTED = {
-    "greater_than": "a number above {gt}",
-    "greater_than_equal": "{ge} or more",
-    "less_than": "a number below {lt}",
-    "less_than_equal": "at most {le}",
-    "too_long": "at most {max_length} values",
-    "too_short": "at least {min_length} values",
-    "int": "a whole number",
-    "float": "a number",
-}
-"""Type of a validation error, or its first part → what is expected."""
 S = TypeVar("S", bound="Spec")
 
 
@@ -83,16 +72,7 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
-    return SettingError(where, str(first["input"]), _expected(first), "leave it out for the usual")
-
-
-def _expected(error: ErrorDetails) -> str:
-    """What a validation error asks for, in the words of the package's other messages."""
-    words = EXPECTED.get(error["type"]) or EXPECTED.get(error["type"].partition("_")[0])
-    if words:
-        return words.format(**error.get("ctx", {}))
-    said = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-    return said.partition(", unable")[0]
+    return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the usual")
 
 
 def _parts(value: Any) -> Any:

@@ -88,7 +88,7 @@ def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer
     return None
 
 
-class Best(Attributes, extra="allow"):
+class BestStep(Attributes, extra="allow"):
     """The best validation; without one, and where it is not finite, figures are None."""
 
     score: float | None
@@ -99,7 +99,7 @@ class State(Attributes, extra="allow"):
     """JSON values beside the tensors."""
 
     step: int = Field(ge=0)
-    best: Best
+    best: BestStep
     losses: list[float | None]
     cpu_seconds: float = Field(default=0.0, ge=0)
 

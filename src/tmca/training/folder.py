@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-import os
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,14 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from tmca.attributes import FiniteJson, read_json
-from tmca.data import make_folder, write_json
+from tmca.data import make_folder, sole_process, write_json
+from tmca.data.locks import LOCK
 from tmca.errors import OutputError, TmcaError
 from tmca.training.checkpoints import latest_checkpoint
 from tmca.training.scenes import SceneLists
 from tmca.training.settings import RunSettings
 
 WEIGHTS = "weights.safetensors"
-_ABOUT, _LOCK = "run.json", ".lock"
+_ABOUT = "run.json"
 _MADE = ("log.csv", "prior.nc", "cubes", "starts", "checkpoints", WEIGHTS)
 
 
@@ -33,7 +32,7 @@ def open_run(folder: Path, settings: RunSettings, lists: SceneLists) -> None:
         DataError: its description cannot be read.
     """
     described = {"settings": settings.model_dump(mode="json"), "scenes": vars(lists)}
-    half_written = [*folder.glob(".*.tmp*"), *folder.glob("*/.*.tmp*"), *folder.glob("*/.*.old")]
+    half_written = [*folder.glob(".*.tmp*"), *folder.glob("*/.*.tmp*")]
     _delete(half_written)
     about = folder / _ABOUT
     if about.exists() and latest_checkpoint(folder / "checkpoints") is not None:
@@ -56,34 +55,30 @@ def locked(folder: Path) -> Iterator[None]:
         raise OutputError(folder, "a folder with other files", "an empty or new one", "choose another --out")
     new_folders = [place for place in (folder, *folder.parents) if not place.exists()]
     make_folder(folder)
-    with _lock(folder):
-        try:
+    try:
+        with sole_process(folder), _emptied(folder):
             yield
-        except TmcaError:
-            if latest_checkpoint(folder / "checkpoints") is None and not (folder / WEIGHTS).exists():
-                _delete(folder / name for name in (*_MADE, _ABOUT, _LOCK))
-                with suppress(OSError):  # something else holds them fast
-                    for place in new_folders:
-                        place.rmdir()
-            raise
+    except TmcaError:
+        with suppress(OSError):  # something holds them fast
+            for place in new_folders:
+                place.rmdir()
+        raise
 
 
 @contextmanager
-def _lock(folder: Path) -> Iterator[None]:
-    busy = OutputError(folder, "a run that is going on", "none", "wait for it or choose another --out")
-    with (folder / _LOCK).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise busy from None
-        if os.fstat(file.fileno()).st_nlink == 0:  # taken away by a run that ended in this moment
-            raise busy
+def _emptied(folder: Path) -> Iterator[None]:
+    """Delete what a run has made where an error ends it before its first checkpoint."""
+    try:
         yield
+    except TmcaError:
+        if latest_checkpoint(folder / "checkpoints") is None and not (folder / WEIGHTS).exists():
+            _delete(folder / name for name in (*_MADE, _ABOUT))
+        raise
 
 
 def _left_by_run(path: Path) -> bool:
     """Whether a file is what a run that was killed in its first moments leaves."""
-    return path.name == _LOCK or (path.name.startswith(f".{Path(_ABOUT).stem}.") and ".tmp" in path.name)
+    return path.name == LOCK or (path.name.startswith(f".{_ABOUT}.") and path.suffix == ".tmp")
 
 
 def _delete(paths: Iterable[Path]) -> None:

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
+from tmca.attributes import attributes_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.sensor_tiles import check_holds
 from tmca.cameras.spectral_depth import phase_settings
+from tmca.cameras.stated import PhaseAttributes
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
@@ -144,4 +146,5 @@ def _of_weights(start: Path) -> dict[str, Any]:
     weights = Weights.load(start)
     camera = weights.camera
     sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths}
-    return {**phase_settings(weights.variables, str(start)), **sensor, "exposure": camera.exposure}
+    stated = attributes_of(PhaseAttributes, weights.variables.attrs, start)
+    return {**phase_settings(weights.variables, str(start), stated), **sensor, "exposure": camera.exposure}

@@ -292,23 +292,23 @@ def test_a_frame_that_is_taken_again_is_the_frame_that_it_was(tmp_path):
 @pytest.mark.parametrize("moment", [0, 1, 2, 3])
 def test_a_capture_whose_process_is_killed_at_its_first_frame_goes_on(tmp_path, monkeypatch, moment):
     """Whatever file is being put in its place: the list, the frame, the list again."""
-    import tmca.data.files as write
+    import tmca.data.atomic as write
 
     camera, export, calls = spectral(), exported(tmp_path, spectral()), []
-    own, remove = write._replace, write._remove
+    own, remove = write._place, write._remove
 
-    def killed(temporary, path):
+    def killed(temporary, path, overwrite):
         calls.append(path)
         if len(calls) > moment:
             raise KeyboardInterrupt
-        own(temporary, path)
+        own(temporary, path, overwrite)
 
-    monkeypatch.setattr(write, "_replace", killed)
+    monkeypatch.setattr(write, "_place", killed)
     monkeypatch.setattr(write, "_remove", lambda path: None)
     with pytest.raises(KeyboardInterrupt):
         capture(export, bench_of(camera), tmp_path / "f")
     assert any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
-    monkeypatch.setattr(write, "_replace", own)
+    monkeypatch.setattr(write, "_place", own)
     monkeypatch.setattr(write, "_remove", remove)
     joined(capture(export, bench_of(camera), tmp_path / "f"), export, camera)
     assert not any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())

@@ -5,6 +5,7 @@ import pytest
 import torch
 import yaml
 
+from studies.real.merit import prediction_error, withheld
 from studies.real.movies import moving_part
 from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
@@ -12,7 +13,6 @@ from tmca.decoders import decode
 from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
 from tmca.lab.importing import import_capture, without_pixels
-from tmca.lab.merit import prediction_error, withheld
 from tmca.lab.prototype import load_prototype
 
 

@@ -48,21 +48,24 @@ def export(
 
 
 @app.command
-def check(folder: Path, /, *, run: Path, json: bool = False) -> None:
+def check(folder: Path, /, *, run: Path, trust: bool = False, json: bool = False) -> None:
     """Compare the files in FOLDER with the network that they were made from, on random input.
 
     Args:
         folder: of `tmca decoder export`.
         run: the training run.
+        trust: run whatever code decoder.pt2 holds, of a file of your own.
         json: print JSON instead of text.
     """
     from tmca.lab.deploy import check_decoder
 
-    _say(folder, check_decoder(folder, run), json)
+    _say(folder, check_decoder(folder, run, trust=trust), json)
 
 
 @app.command
-def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", overwrite: bool = False) -> None:
+def run(
+    folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", trust: bool = False, overwrite: bool = False
+) -> None:
     """Decode SNAPSHOT with an exported decoder of FOLDER.
 
     Args:
@@ -70,12 +73,13 @@ def run(folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", ov
         snapshot: file of the camera that the decoder was made for.
         out: NetCDF file of the estimate.
         format: torch or onnx.
+        trust: run whatever code decoder.pt2 holds, of a file of your own.
         overwrite: replace the file if it exists.
     """
     from tmca.lab.deploy import decode_exported
 
     check_targets([out], overwrite, snapshot)
-    estimate = decode_exported(folder, snapshot, format)
+    estimate = decode_exported(folder, snapshot, format, trust)
     estimate.save(out, overwrite=overwrite)
     print(f"{out}: {format}, {estimate.seconds:.2f} s")
 

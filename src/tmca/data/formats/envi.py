@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
+from pydantic import Field
+
+from tmca.attributes import Attributes, attributes_of
 from tmca.data.formats import wavelengths
 from tmca.data.formats.stored import Contents, from_array, reads, whole_file
 from tmca.errors import DataError
 
 DATA_SUFFIXES = ("", ".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", ".envi", ".hyspex", ".cube")
 """Suffixes that the data file beside a header may have; upper case is tried as well."""
+
+
+_Size = Annotated[int, Field(strict=False, ge=1, le=10**9)]
+
+
+class _Header(Attributes):
+    """What places the values in the data file, and scales them."""
+
+    samples: _Size
+    lines: _Size
+    bands: _Size
+    offset: int = Field(default=0, alias="header offset", strict=False, ge=0, le=2**62)
+    scale: float | None = Field(default=None, alias="reflectance scale factor", strict=False, ge=1e-9, le=1e12)
 
 
 def header_of(path: Path) -> Path | None:
@@ -46,15 +63,17 @@ def open_envi(path: Path) -> Contents:
         raise DataError(path, "no .hdr beside it", "an ENVI header", f"add {path.stem}.hdr")
     data = _data_of(header, path)
     with whole_file(header, "ENVI header"):
+        metadata = envi.read_envi_header(str(header))
+    stated = attributes_of(_Header, metadata, header, "entry")
+    with whole_file(header, "ENVI header"):
         image = envi.open(str(header), str(data))
-    needed = image.offset + image.nrows * image.ncols * image.nbands * image.sample_size
+        size = image.sample_size
+    needed = stated.offset + stated.lines * stated.samples * stated.bands * size
     if data.stat().st_size < needed:
         raise DataError(data, f"{data.stat().st_size} bytes", f"{needed} bytes by {header.name}", "fetch it again")
-    metadata = image.metadata
+    with whole_file(data, "ENVI data file"):
+        values, dims = image.open_memmap(interleave="bip"), ("y", "x", "band")
     metres = wavelengths.from_file(image.bands.centers or [], metadata.get("wavelength units"))
-    factor = metadata.get("reflectance scale factor")
-    scale = float(factor) if factor else None
-    values, dims = image.open_memmap(interleave="bip"), ("y", "x", "band")
-    cube = from_array(data.stem, values, dims=dims, wavelengths=metres, full_scale=scale)
+    cube = from_array(data.stem, values, dims=dims, wavelengths=metres, full_scale=stated.scale)
     short = {key: value for key, value in metadata.items() if isinstance(value, str | int | float)}
     return Contents(path, "ENVI", {data.stem: cube}, attrs=short)

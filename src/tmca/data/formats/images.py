@@ -5,20 +5,23 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
-from tmca.data.formats.stored import Contents, Index, Stored, from_array, guarded, reads, whole_file
+from tmca.data.formats.limits import check_array
+from tmca.data.formats.stored import Contents, Index, Stored, from_array, lazy, reads, whole_file
 from tmca.errors import DataError
 
 _BAND_FILE = re.compile(r"_ms_(\d+)\.png$", re.IGNORECASE)
+_MOST_NAMED = 20
+"""Missing bands that a message lists."""
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp")
 _KINDS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".pfm": "PFM"}
 _HIGH, _LOW = ";16B", ";16L"
@@ -35,12 +38,12 @@ def band_files(folder: Path) -> list[Path]:
     for place in (folder, *sorted(child for child in folder.iterdir() if child.is_dir())):
         numbered = [(int(m[1]), file) for file in place.iterdir() if (m := _BAND_FILE.search(file.name))]
         if numbered:
-            numbers = sorted(number for number, _ in numbered)
-            wanted = list(range(1, max(numbers) + 1))
-            if numbers != wanted:
-                gone = [f"{n:02d}" for n in wanted if n not in numbers]
-                found = f"bands without {', '.join(gone)}" if gone else "one band number twice"
-                raise DataError(place, found, f"*_ms_01.png to *_ms_{wanted[-1]:02d}.png, each once")
+            numbers, last = {number for number, _ in numbered}, max(number for number, _ in numbered)
+            gone = [f"{n:02d}" for n in islice((n for n in range(1, last) if n not in numbers), _MOST_NAMED)]
+            if gone or len(numbered) != last:
+                more = " and more" if len(gone) == _MOST_NAMED else ""
+                found = f"bands without {', '.join(gone)}{more}" if gone else "one band number twice, or a band 0"
+                raise DataError(place, found, f"*_ms_01.png to *_ms_{last:02d}.png, each once")
             return [file for _, file in sorted(numbered)]
     return []
 
@@ -92,6 +95,7 @@ def stack_pictures(
 
     def load(index: Index) -> NDArray[Any]:
         chosen = numbers[index[:axes]]
+        check_array(files[0].parent, name, (chosen.size, *first.shape), first.dtype.itemsize)
         parts = [picture(files[int(number)])[index[axes:]] for number in np.ravel(chosen)]
         return np.stack(parts).reshape(*np.shape(chosen), *parts[0].shape)
 
@@ -120,12 +124,19 @@ def read_picture(file: Path) -> NDArray[Any]:
     from PIL import Image
 
     with _whole_picture(file), Image.open(file) as image:
+        _check_picture(file, image)
         raw = str(image.tile[0].args) if image.format == "PNG" and image.tile else ""
         if raw.endswith(_HIGH) and image.mode in ("RGB", "RGBA", "LA"):
             high, low = (_decoded(file, raw.removesuffix(_HIGH) + byte) for byte in (_HIGH, _LOW))
             return np.asarray((high.astype(np.uint16) << 8) | low, dtype=np.uint16)
         image.load()
         return np.asarray(image.convert() if image.mode == "P" else image)
+
+
+def _check_picture(file: Path, image: Any) -> None:
+    """Refuse a picture that takes more memory than may be loaded."""
+    channels = len(image.getbands()) * (2 if image.mode.startswith("I;16") else 4 if image.mode in "IF" else 1)
+    check_array(file, "a picture", (image.height, image.width), channels)
 
 
 def _decoded(file: Path, raw: str) -> NDArray[Any]:
@@ -149,8 +160,17 @@ def picture_size(file: Path) -> tuple[int, int]:
         return image.height, image.width
 
 
-def _whole_picture(file: Path) -> AbstractContextManager[None]:
-    return whole_file(file, _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP"))
+@contextmanager
+def _whole_picture(file: Path) -> Iterator[None]:
+    from PIL import Image
+
+    with whole_file(file, _KINDS.get(file.suffix.lower(), "PNG, JPEG or BMP")):
+        try:
+            yield
+        except Image.DecompressionBombError as error:
+            pixels = re.search(r"\d+", str(error))
+            found = f"a picture of {pixels[0] if pixels else 'too many'} pixels"
+            raise DataError(file, found, "fewer than Pillow reads", "save it as TIFF, or in parts") from error
 
 
 @reads(".pfm")
@@ -167,11 +187,12 @@ def open_tiff(path: Path) -> Contents:
     import tifffile
 
     with whole_file(path, "TIFF"), _complaints() as complaints, tifffile.TiffFile(path) as tiff:
+        waves = _from_ome(tiff.ome_metadata)  # before tifffile itself parses that text
         if len(tiff.series) > 1:
             shapes = ", ".join(str(series.shape) for series in tiff.series[:4])
             raise DataError(path, f"pages of different shapes ({shapes})", "bands of one shape")
         _require_whole(path, tiff, complaints)
-        stored = _tiff_array(path, tiff)
+        stored = _tiff_array(path, tiff, waves)
         return Contents(path, "TIFF", {stored.name: stored}, attrs=dict(tiff.imagej_metadata or {}))
 
 
@@ -207,7 +228,7 @@ def _require_whole(path: Path, tiff: Any, complaints: list[str]) -> None:
         raise ValueError(f"{size} bytes of {end}")
 
 
-def _tiff_array(path: Path, tiff: Any) -> Stored:
+def _tiff_array(path: Path, tiff: Any, waves: NDArray[np.float64] | None) -> Stored:
     import tifffile
 
     series, about = tiff.series[0], tiff.imagej_metadata or {}
@@ -220,13 +241,15 @@ def _tiff_array(path: Path, tiff: Any) -> Stored:
             return np.asarray(tifffile.imread(path, key=index[0]))[index[1:]]
         return np.asarray(tifffile.imread(path))[index]
 
-    return Stored(
+    return lazy(
+        path,
+        "TIFF",
         path.stem,
-        series.shape,
-        series.dtype,
-        guarded(path, "TIFF", read),
+        tuple(series.shape),
+        np.dtype(series.dtype),
+        read,
         dims=("band", "y", "x") if per_page and named else (),
-        wavelengths=_from_labels(labels) if labels else _from_ome(tiff.ome_metadata),
+        wavelengths=_from_labels(labels) if labels else waves,
         usual_axis=0 if per_page else -1,
         pages=per_page,
         full_scale=1.0 if about.get("quantity") == "relative irradiance" else None,
@@ -244,7 +267,9 @@ def _from_ome(xml: str | None) -> NDArray[np.float64] | None:
     """Metres from OME's ``EmissionWavelength`` (nm unless a unit is given), one per channel."""
     if not xml:
         return None
-    channels = [e for e in ElementTree.fromstring(xml).iter() if e.tag.endswith("}Channel")]
+    from defusedxml.ElementTree import fromstring
+
+    channels = [e for e in fromstring(xml).iter() if e.tag.endswith("}Channel")]
     waves = [e.get("EmissionWavelength") for e in channels]
     if not waves or any(wave is None for wave in waves):
         return None

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
 
-from tmca.data.formats import arrays, envi, images, views
-from tmca.data.formats.stored import OPENERS, Contents, whole_file
+from tmca.data.formats import envi, images, matlab, views  # noqa: F401 (each registers its suffixes)
+from tmca.data.formats.stored import OPENERS, Contents, Opener, whole_file
+from tmca.data.formats.zarr_stores import open_zarr
 from tmca.errors import DataError
 
 GROUP = "tmca.formats"
@@ -56,24 +57,26 @@ def open_contents(path: str | Path) -> Iterator[Contents]:
     path = Path(path)
     if not path.exists():
         raise DataError(path, "no such file or folder", "an existing one", "check the path")
+    opener = _opener(path)
     with ExitStack() as stack:
-        with whole_file(path):
-            opened = _opened(path)
+        ours = opener.__module__.partition(".")[0] == "tmca"
+        with nullcontext() if ours else whole_file(path):
+            opened = opener(path)
             contents = opened if isinstance(opened, Contents) else stack.enter_context(opened)
         yield contents
 
 
-def _opened(path: Path) -> Any:
-    """The contents, or a context manager that gives them, by folder, suffix or neighbouring header."""
+def _opener(path: Path) -> Opener:
+    """What opens it, by folder, suffix or neighbouring header."""
     if path.is_dir():
-        return arrays.open_zarr(path) if is_zarr(path) else _folder_of_pictures(path)
+        return open_zarr if is_zarr(path) else _folder_of_pictures
     suffix = path.suffix.lower()
     if suffix not in OPENERS:
         _load_plugins()
     if suffix in OPENERS:
-        return OPENERS[suffix](path)
+        return OPENERS[suffix]
     if envi.header_of(path) is not None:
-        return envi.open_envi(path)
+        return envi.open_envi
     known = " ".join([*(suffix for suffix in OPENERS if suffix not in envi.DATA_SUFFIXES), ".zarr"])
     raise DataError(path, f"the unknown suffix {suffix!r}", f"one of {known}, or a CAVE folder")
 
@@ -89,5 +92,7 @@ def _load_plugins() -> None:
 
 def _folder_of_pictures(path: Path) -> Contents:
     """The bands of a CAVE scene, or the views of a light field."""
+    with whole_file(path, "folder"):
+        next(path.iterdir(), None)
     opened = None if images.band_files(path) else views.open_views(path)
     return images.open_cave(path) if opened is None else opened

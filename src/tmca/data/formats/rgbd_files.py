@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass
 from functools import cache
+from math import isfinite, nan
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from tmca.data.formats.stored import whole_file
+from pydantic import Field
+
+from tmca.attributes import Attributes, attributes_of, read_json
+from tmca.data.formats.limits import read_text
 from tmca.errors import DataError
 
 MIDDLEBURY_2005, MIDDLEBURY_2014, SKIMAGE = "Middlebury 2005", "Middlebury 2014", "Middlebury 2014 of scikit-image"
@@ -166,6 +169,30 @@ MOTORCYCLE = (994.978, 0.193001, 31.086, 741)
 """Focal length px, baseline m, Δcx px and width of scikit-image's copy (a quarter of Middlebury 2014's)."""
 
 
+_MOST_PX = 1e6
+"""Pixels of a focal length, and millimetres of a baseline, that no camera has."""
+_Positive = Annotated[float, Field(gt=0, le=_MOST_PX)]
+
+
+class _Camera(Attributes):
+    """Open3D's camera file."""
+
+    intrinsic_matrix: list[float] = Field(min_length=9, max_length=9)
+
+
+class _Annotations(Attributes):
+    """Metric3D's annotation file."""
+
+    files: list[dict[str, Any]] = Field(default_factory=list)
+
+
+class _Shot(Attributes):
+    """What an annotation says of a picture."""
+
+    cam_in: list[_Positive] = Field(min_length=1)
+    depth_scale: _Positive
+
+
 @dataclass(frozen=True)
 class Stereo:
     """What turns a disparity into metres, ``Z = focal_px · baseline_m / (d + offset_px)``; None where not known."""
@@ -186,7 +213,7 @@ def middlebury_2014(path: Path) -> Stereo:
     Raises:
         DataError: unreadable, or one of the three is missing or no number.
     """
-    text = _text(path, "calib.txt of Middlebury 2014")
+    text = read_text(path, "calib.txt of Middlebury 2014")
     entries = dict(re.findall(r"^\s*(\w+)\s*=\s*(.+?)\s*$", text, re.MULTILINE))
     wanted = {"cam0": r"\[\s*([-+.\deE]+)", "baseline": r"([-+.\deE]+)", "doffs": r"([-+.\deE]+)"}
     numbers = {key: _first_number(pattern, entries.get(key, "")) for key, pattern in wanted.items()}
@@ -194,7 +221,7 @@ def middlebury_2014(path: Path) -> Stereo:
     if gone:
         raise DataError(path, f"no number for {', '.join(gone)}", "cam0=[f 0 cx; …], baseline= (mm) and doffs= (px)")
     focal, baseline, offset = (float(number or 0) for number in numbers.values())
-    if focal <= 0 or baseline <= 0:
+    if not (0 < focal <= _MOST_PX and 0 < baseline <= _MOST_PX):
         raise DataError(path, f"focal length {focal:g} px and baseline {baseline:g} mm", "positive ones")
     return Stereo(focal, baseline / 1000, offset)
 
@@ -204,7 +231,7 @@ def middlebury_2005(path: Path | None, height: int) -> Stereo:
     focal = MIDDLEBURY_2005_FOCAL_PX * height / MIDDLEBURY_2005_HEIGHT
     if path is None:
         return Stereo(focal, MIDDLEBURY_2005_BASELINE_M)
-    number = _first_number(r"^\s*([-+.\deE]+)\s*$", _text(path, "dmin.txt of one number, px"))
+    number = _first_number(r"^\s*([-+.\deE]+)\s*$", read_text(path, "dmin.txt of one number, px"))
     if number is None:
         raise DataError(path, "no number", "the smallest disparity in pixels")
     return Stereo(focal, MIDDLEBURY_2005_BASELINE_M, number)
@@ -222,10 +249,10 @@ def open3d_focal(path: Path) -> float:
     Raises:
         DataError: unreadable, or no such matrix.
     """
-    matrix = _json(path).get("intrinsic_matrix")
-    if not isinstance(matrix, list) or len(matrix) != 9 or not isinstance(matrix[0], int | float) or matrix[0] <= 0:
-        raise DataError(path, f"intrinsic_matrix {str(matrix)[:40]}", "nine numbers with the focal length (px) first")
-    return float(matrix[0])
+    focal = read_json(path, _Camera).intrinsic_matrix[0]
+    if not 0 < focal <= _MOST_PX:
+        raise DataError(path, f"intrinsic_matrix [{focal:g}, …]", "nine numbers with the focal length (px) first")
+    return float(focal)
 
 
 def annotated(path: Path, picture: str) -> tuple[float, float] | None:
@@ -234,35 +261,18 @@ def annotated(path: Path, picture: str) -> tuple[float, float] | None:
     Raises:
         DataError: unreadable, or its entry has not both.
     """
-    files = _json(path).get("files", [])
-    entry = next((e for e in files if isinstance(e, dict) and Path(str(e.get("rgb", ""))).name == picture), None)
+    entry = next((e for e in read_json(path, _Annotations).files if Path(str(e.get("rgb"))).name == picture), None)
     if entry is None:
         return None
-    try:
-        focal, units = float(entry["cam_in"][0]), float(entry["depth_scale"])
-    except (KeyError, TypeError, ValueError, IndexError) as error:
-        raise DataError(path, f"no cam_in and depth_scale for {picture}", "both, as Metric3D writes them") from error
-    if focal <= 0 or units <= 0:
-        raise DataError(path, f"cam_in {focal:g} and depth_scale {units:g} for {picture}", "positive ones")
-    return focal, units
+    shot = attributes_of(_Shot, entry, path, f"entry of {picture}:")
+    return shot.cam_in[0], shot.depth_scale
 
 
 def _first_number(pattern: str, text: str) -> float | None:
+    """The number of a pattern; None without one, or one that is not finite."""
     match = re.search(pattern, text, re.MULTILINE)
     try:
-        return float(match[1]) if match else None
+        number = float(match[1]) if match else nan
     except ValueError:
         return None
-
-
-def _json(path: Path) -> dict[str, Any]:
-    with whole_file(path, "camera file in JSON"):
-        content = json.loads(path.read_text(encoding="utf-8"))
-    if not isinstance(content, dict):
-        raise DataError(path, f"a {type(content).__name__}", "a camera file: names and values")
-    return content
-
-
-def _text(path: Path, kind: str) -> str:
-    with whole_file(path, kind):
-        return path.read_text(encoding="utf-8")
+    return number if isfinite(number) else None

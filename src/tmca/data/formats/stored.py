@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from math import prod
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,8 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.formats.limits import VARIABLE, check_array, check_declared
 from tmca.errors import DataError, TmcaError
 
+_PACKAGE = Path(__file__).parents[2]
 Index = tuple[int | slice, ...]
 
 
@@ -152,7 +155,11 @@ def reads(*suffixes: str) -> Callable[[_Opener], _Opener]:
 
 @contextmanager
 def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it again") -> Iterator[None]:
-    """Within it, whatever a library raises on a file that is missing, empty, cut or damaged is a DataError."""
+    """Within it, whatever a library raises on a file that is missing, empty, cut or damaged is a DataError.
+
+    It is put around calls of the library alone. Names and attributes that our own lines miss are mistakes of ours and
+    stay what they are.
+    """
     try:
         yield
     except TmcaError:
@@ -161,18 +168,56 @@ def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it 
         raise DataError(path, "no such file", f"a {kind}", "check the path") from error
     except PermissionError as error:
         raise DataError(path, "no permission to read it", "a readable file", "change its permissions") from error
+    except MemoryError as error:
+        found, remedy = "more than fits into the memory that is free", f"read less of it, or fetch it again; {VARIABLE}"
+        raise DataError(path, found, "", f"{remedy} sets how much may be loaded") from error
     except Exception as error:
-        reason = str(error).replace(repr(path), path.name).partition("\n")[0] or type(error).__name__
+        if isinstance(error, NameError | AttributeError) and _raised_here(error):
+            raise
+        reason = str(error).replace(repr(path), path.name).partition("\n")[0][:200] or type(error).__name__
         empty = path.is_file() and path.stat().st_size == 0
         found = "an empty file (0 bytes)" if empty else f"an unreadable or truncated {kind} ({reason})"
         raise DataError(path, found, f"a whole {kind}", remedy) from error
 
 
-def guarded(path: Path, kind: str, read: Callable[[Index], Any]) -> Callable[[Index], NDArray[Any]]:
-    """The ``load`` of a `Stored` whose library may meet damage only when it reads."""
+def _raised_here(error: Exception) -> bool:
+    """Whether a line of this package raised it, and no library's."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is not None and Path(trace.tb_frame.f_code.co_filename).is_relative_to(_PACKAGE)
+
+
+def lazy(
+    path: Path,
+    kind: str,
+    name: str,
+    shape: tuple[int, ...],
+    dtype: np.dtype[Any],
+    read: Callable[[Index], Any],
+    **about: Any,
+) -> Stored:
+    """A `Stored` of which a library reads what is asked: sizes are checked before, and damage is a DataError.
+
+    Args:
+        path: the file.
+        kind: its kind, for messages.
+        name, shape, dtype, about: of the `Stored`.
+        read: gives the values at an index.
+    """
+    declared = cache(lambda: check_declared(path, name, shape, dtype.itemsize))
 
     def load(index: Index) -> NDArray[Any]:
+        declared()
+        check_array(path, name, _selected(shape, index), dtype.itemsize)
         with whole_file(path, kind):
             return np.asarray(read(index))
 
-    return load
+    return Stored(name, shape, dtype, load, **about)
+
+
+def _selected(shape: tuple[int, ...], index: Index) -> tuple[int, ...]:
+    """The shape that an index picks."""
+    chosen = zip(shape, index, strict=False)
+    picked = tuple(len(range(*part.indices(size))) for size, part in chosen if isinstance(part, slice))
+    return (*picked, *shape[len(index) :])

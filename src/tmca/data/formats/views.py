@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture, stack_pictures
+from tmca.data.formats.limits import read_text
 from tmca.data.formats.stored import Contents, Index, Stored, reads, whole_file
 from tmca.data.formats.view_names import Place, ViewFiles, find_views
 from tmca.data.pixels import wrong_size
@@ -24,6 +25,7 @@ NEEDED = {
     "extrinsics": ("num_cams_x", "num_cams_y", "baseline_mm", "focus_distance_m"),
 }
 """What a ``parameters.cfg`` of the HCI benchmark must state."""
+_CFG = "parameters.cfg of the HCI benchmark"
 _MOST_A_SIDE = 999
 _WITHOUT = "take it away to go by the pictures alone"
 _FETCH, _CORRECT = f"fetch it again, or {_WITHOUT}", f"correct it, or {_WITHOUT}"
@@ -72,13 +74,14 @@ def read_parameters(path: Path) -> dict[str, float]:
     Raises:
         DataError: unreadable, without a needed key, or with an impossible number of views.
     """
-    parser, numbers = ConfigParser(), dict[str, float]()
-    with whole_file(path, "parameters.cfg of the HCI benchmark", _FETCH):
-        parser.read_string(path.read_text(encoding="utf-8"))
+    parser, numbers = ConfigParser(interpolation=None), dict[str, float]()
+    text = read_text(path, _CFG, _FETCH)
+    with whole_file(path, _CFG, _FETCH):
+        parser.read_string(text)
     for section in parser.sections():
-        for key, text in parser.items(section):
+        for key, value in parser.items(section):
             with suppress(ValueError):
-                numbers[key] = float(text)
+                numbers[key] = float(value)
     gone = [f"[{s}] {key}" for s, keys in NEEDED.items() for key in keys if key not in numbers]
     if gone:
         raise DataError(path, f"no number for {', '.join(gone)}", "the keys of the HCI benchmark", _FETCH)

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tmca.data.formats.stored import Contents, Stored, whole_file
+from tmca.data.formats.limits import read_text
+from tmca.data.formats.stored import Contents, Stored
 from tmca.errors import DataError, SettingError, check_range
 
 NAMES = frozenset(
@@ -108,6 +109,9 @@ def sidecar_paths(path: Path) -> list[Path]:
     return [path.with_name(f"{stem}.wavelengths.{kind}") for stem in stems for kind in ("txt", "csv")]
 
 
+_LIST = "list of wavelengths in nm, one per line"
+
+
 def read_sidecar(path: Path) -> NDArray[np.float64] | None:
     """Metres from ``<name>.wavelengths.txt|csv`` beside the file (nanometres, one per line or with commas);
     else None.
@@ -118,11 +122,14 @@ def read_sidecar(path: Path) -> NDArray[np.float64] | None:
     sidecar = next((side for side in sidecar_paths(path) if side.is_file()), None)
     if sidecar is None:
         return None
-    with whole_file(sidecar, "list of wavelengths in nm, one per line"):
-        lines = [line.split("#")[0].strip() for line in sidecar.read_text(encoding="utf-8-sig").splitlines()]
-        lines = [line for line in lines if line]
-        heading = bool(lines) and re.match(r"[^\W\d]", lines[0].strip("\"'")) is not None
-        nm = np.array([float(word) for line in lines[heading:] for word in re.split(r"[\s,;]+", line) if word])
+    lines = [line.split("#")[0].strip() for line in read_text(sidecar, _LIST).splitlines()]
+    lines = [line for line in lines if line]
+    heading = bool(lines) and re.match(r"[^\W\d]", lines[0].strip("\"'")) is not None
+    words = [word for line in lines[heading:] for word in re.split(r"[\s,;]+", line) if word]
+    try:
+        nm = np.array([float(word) for word in words])
+    except ValueError as error:
+        raise DataError(sidecar, str(error)[:120], f"a {_LIST}", "correct the line") from None
     if nm.size == 0 or guess_unit(nm) != "nm":
         values = f"values from {nm.min():g} to {nm.max():g}" if nm.size else "no values"
         raise DataError(sidecar, values, "wavelengths in nm, one per line")

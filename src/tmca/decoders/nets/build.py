@@ -6,13 +6,17 @@ import inspect
 from collections.abc import Mapping
 from typing import Any
 
+import torch
+from torch import Tensor
+
+from tmca.arguments import described, reason
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.likelihood import check_window, usual_window
 from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.spatial_angular import SpatialAngular
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, camera_sizes
 from tmca.decoders.nets.unet import UNet, Unrolled
-from tmca.errors import SettingError, check_choice
+from tmca.errors import SettingError, check_choice, check_range
 
 NETWORKS: dict[str, type[Network]] = {network.kind: network for network in (UNet, Unrolled, SpatialAngular)}
 
@@ -32,9 +36,23 @@ def build_network(kind: str, **settings: Any) -> Network:
     return network
 
 
-def restore_network(kind: str, settings: Mapping[str, Any]) -> Any:
-    """The network of any camera that a file describes."""
-    return TwoHeadedUNet(**settings) if kind == TwoHeadedUNet.kind else build_network(kind, **settings)
+def restore_network(kind: str, settings: Mapping[str, Any], weights: Mapping[str, Tensor]) -> Any:
+    """The network of any camera that a file describes, with its weights.
+
+    It is built without memory and takes the weights as they are: what settings ask for beyond them is never allocated.
+
+    Raises:
+        SettingError: unknown kind or settings, or more parts than there are weights.
+        RuntimeError: weights that are not those of the network.
+    """
+    network = {**NETWORKS, TwoHeadedUNet.kind: TwoHeadedUNet}
+    check_choice("decoder", kind, network)
+    for name in ("blocks", "stages"):
+        check_range(name, settings.get(name, 1), high=len(weights))
+    with torch.device("meta"):
+        restored = _built(network[kind], settings)
+    restored.load_state_dict(dict(weights), assign=True)
+    return restored
 
 
 def _built(network: Any, given: Mapping[str, Any], **sizes: int) -> Any:
@@ -47,8 +65,8 @@ def _built(network: Any, given: Mapping[str, Any], **sizes: int) -> Any:
         return network(**sizes, **given)
     except SettingError:
         raise
-    except (TypeError, ValueError, RuntimeError, ZeroDivisionError) as error:
-        raise SettingError(where, str(dict(given)), "numbers that make a network", str(error)) from None
+    except (TypeError, ValueError, RuntimeError, ArithmeticError, MemoryError) as error:
+        raise SettingError(where, described(dict(given)), "numbers that make a network", reason(error)) from None
 
 
 def build_depth_network(settings: dict[str, Any], camera: SpectralDepthCamera) -> TwoHeadedUNet:

@@ -94,7 +94,7 @@ class SpatialAngularBody(nn.Module):
         self.blocks = nn.ModuleList(SpatialAngularBlock(width * (i + 1), width, views) for i in range(blocks))
         self.leave = nn.Conv2d(width * (blocks + 1), gather**2, 3, padding=1)
         for layer in self.modules():
-            if isinstance(layer, nn.Conv2d | nn.Conv3d):  # else the signal fades from layer to layer
+            if isinstance(layer, nn.Conv2d | nn.Conv3d) and not layer.weight.is_meta:  # else the signal fades
                 nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
         silence(self.leave)
 

@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from tmca.arguments import described
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoder import Progress, part_of
 from tmca.decoders.least_squares import tikhonov
@@ -93,7 +94,7 @@ def prepared_start(
         adjoint, dagger = operator.A_adjoint, operator.A_dagger
         return {"adjoint": lambda y, _: adjoint(y), "dagger": lambda y, _: dagger(y), "tikhonov": smooth}[kind]
     if not isinstance(prior, GaussianPrior if kind == "lmmse" else GaussianMixturePrior):
-        found = "none" if prior is None else f"a {type(prior).__name__}"
+        found = "none" if prior is None else described(prior)
         raise SettingError("prior", found, f"one for a network that starts from {kind}")
     quiet = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
     estimator = PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable)

@@ -11,17 +11,22 @@ from warnings import warn
 
 import numpy as np
 import torch
+from pydantic import Field, Json, JsonValue, field_validator
+from pydantic_core import to_json
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
 import tmca
+from tmca.arguments import reason
+from tmca.attributes import Attributes, FiniteJson, attributes_of, json_of
 from tmca.cameras import CAMERAS
+from tmca.cameras.stated import Pair, PhaseAttributes, check_frame, check_optics
 from tmca.codes.files import differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.optics import PhaseMaskBench, Stroke, changed_bench, restored_maps
+from tmca.optics import DepthPlanes, restored_maps
 from tmca.priors import block_of, find_prior
 
 if TYPE_CHECKING:
@@ -43,6 +48,10 @@ _NO_MATTER = {"sensor", "full_scale", "period", "tmca_version"}
 
 class OtherCodes(UserWarning):
     """A network that does not see the codes, behind other codes than it was trained for."""
+
+
+class _Planes(Attributes):
+    depth: Json[DepthPlanes]
 
 
 @dataclass
@@ -92,13 +101,12 @@ class Weights:
     @property
     def slots(self) -> int:
         """K."""
-        return self.variables.sizes["slot"]
+        return len(next(iter(self.codes.values())))
 
     @property
     def size(self) -> tuple[int, int]:
         """(H, W) of the camera of the training."""
-        height, width = json.loads(self.variables.attrs["size"])
-        return (height, width)
+        return attributes_of(_Sized, self.variables.attrs, self.path or "weights").size
 
     @property
     def period(self) -> tuple[int, int] | None:
@@ -110,6 +118,15 @@ class Weights:
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
         return tuple(self.variables["wavelength"].values.tolist()) if "wavelength" in self.variables else ()
+
+    @property
+    def planes(self) -> DepthPlanes:
+        """Depth planes of a spectral-depth camera.
+
+        Raises:
+            DataError: none are described.
+        """
+        return attributes_of(_Planes, self.variables.attrs, self.path or "weights").depth
 
     @property
     def camera(self) -> Any:
@@ -227,17 +244,17 @@ class Weights:
             DataError: no such file, no weights of a camera in it, or tensors that do not fit the network.
         """
         path, about, tensors = _read(path)
-        arrays = {name: tensors.pop(name).numpy() for name in list(tensors) if "." not in name}
-        described = about.get("network", about)
-        network = restore_network(described["kind"], described["settings"])
+        network = about.network or about
         try:
-            network.load_state_dict({name.removeprefix("network."): v.float() for name, v in tensors.items()})
-            variables = _variables(about["camera"], arrays) if "network" in about else _of_version_0_1(about, arrays)
-        except (RuntimeError, KeyError, ValueError) as error:
-            raise DataError(
-                path, f"tensors that do not fit its network or camera ({error})", "whole weights"
-            ) from error
-        return cls(network.eval(), variables, about["prior"], about["card"], path)
+            arrays = {name: tensors.pop(name).numpy() for name in list(tensors) if "." not in name}
+            weights = {name.removeprefix("network."): v.float() for name, v in tensors.items()}
+            restored = restore_network(network.kind, network.settings, weights)
+            variables = _variables(about.camera, arrays) if about.network else _of_version_0_1(about, arrays, path)
+        except (KeyError, ValueError, TypeError, RuntimeError, IndexError) as error:
+            found = f"tensors that do not fit its network or camera ({reason(error)})"
+            raise DataError(path, found, "whole weights") from error
+        check_frame(attributes_of(_Sized, variables.attrs, path).size, str(path))
+        return cls(restored.eval(), variables, about.prior, about.card, path)
 
     @classmethod
     def find(cls, name: str | Path, slots: int = 8) -> Weights:
@@ -264,7 +281,56 @@ def _bands(wavelengths: Sequence[float]) -> str:
     return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
 
 
-def _read(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, Tensor]]:
+class _NetworkAttributes(Attributes):
+    kind: str
+    settings: dict[str, FiniteJson]
+
+
+class _WeightsAttributes(Attributes):
+    """What the head of a file of weights says; ``network`` apart, in version 0.1 what that says is here too."""
+
+    network: _NetworkAttributes | None = None
+    kind: str = ""
+    settings: dict[str, FiniteJson] = Field(default_factory=dict)
+    application: str = "spectral"
+    wavelengths: tuple[float, ...] = ()
+    camera: dict[str, FiniteJson]
+    prior: str
+    card: dict[str, JsonValue]
+
+    @field_validator("prior")
+    @classmethod
+    def _beside(cls, prior: str) -> str:
+        """The name of a file beside the weights, and no way to another folder."""
+        if prior != Path(prior).name or "\\" in prior or prior == "..":
+            raise ValueError("the name of a file beside the weights: copy it there")
+        return prior
+
+
+class _Sized(Attributes):
+    """Of the camera of weights: the frame of its training."""
+
+    size: Json[Pair]
+
+
+class _Sized01(Attributes):
+    size: Pair
+
+
+class _Variable(Attributes):
+    dims: tuple[str, ...]
+    attrs: dict[str, FiniteJson]
+
+
+class _Described(Attributes):
+    """``Dataset.to_dict(data=False)``."""
+
+    attrs: dict[str, FiniteJson]
+    coords: dict[str, _Variable]
+    data_vars: dict[str, _Variable]
+
+
+def _read(path: str | Path) -> tuple[Path, _WeightsAttributes, dict[str, Tensor]]:
     """The file (of a run's folder, the one in it), what it is, and its tensors."""
     path = Path(path) / "weights.safetensors" if Path(path).is_dir() else Path(path)
     if not path.is_file():
@@ -274,44 +340,57 @@ def _read(path: str | Path) -> tuple[Path, dict[str, Any], dict[str, Tensor]]:
             head = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError) as error:
-        raise DataError(path, f"no readable weights ({error})", "a safetensors file", "copy it again") from error
-    if head.get("format") not in FORMATS:
+        raise DataError(
+            path, f"no readable weights ({reason(error)})", "a safetensors file", "copy it again"
+        ) from error
+    if head.get("format") not in FORMATS or "tmca" not in head:
         raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
-    return path, json.loads(head["tmca"]), tensors
+    for name, values in tensors.items():
+        if values.is_floating_point() and not bool(torch.isfinite(values.float()).all()):
+            found = f"tensor {name} with values that are not finite"
+            raise DataError(path, found, "finite numbers", "train again, or take an unchanged copy")
+    return path, json_of(head["tmca"], path, _WeightsAttributes), tensors
 
 
 def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
     """A camera's variables of their description (``Dataset.to_dict(data=False)``) and their values."""
     import xarray as xr
 
-    for part in ("coords", "data_vars"):
-        for name, about in described[part].items():
-            about["data"] = arrays[name]
-    check_choice("camera", described["attrs"]["camera"], CAMERAS)
-    return xr.Dataset.from_dict(described)
+    said = _Described.model_validate_json(to_json(described))
+    coords, variables = (
+        {name: (one.dims, arrays[name], one.attrs) for name, one in part.items()}
+        for part in (said.coords, said.data_vars)
+    )
+    check_choice("camera", said.attrs.get("camera"), [*CAMERAS])
+    return xr.Dataset(variables, coords, said.attrs)
 
 
-def _of_version_0_1(about: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.Dataset:
+def _of_version_0_1(about: _WeightsAttributes, arrays: dict[str, np.ndarray], path: Path) -> xr.Dataset:
     """The same of a file of version 0.1: arguments of the camera as JSON values, its codes as tensors."""
-    kind = about.get("application", "spectral")
+    kind, where = about.application, str(path)
     check_choice("camera", kind, _ARGUMENTS_0_1)
+    check_frame(attributes_of(_Sized01, about.camera, path).size, where)
     settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
-    settings = _ARGUMENTS_0_1[kind]({**settings, **about["camera"]}, about)
+    settings = _ARGUMENTS_0_1[kind]({**settings, **about.camera}, about, where)
     return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
 
 
-def _masks_of_version_0_1(settings: dict[str, Any], about: dict[str, Any]) -> dict[str, Any]:
+def _masks_of_version_0_1(settings: dict[str, Any], about: _WeightsAttributes, where: str) -> dict[str, Any]:
     given = {name: value for name, value in settings.items() if name != "slots"}
-    stroke = given.pop("stroke", None)
+    (near, far), texts = given["depth"], {name: json.dumps(given.get(name)) for name in ("bench", "stroke")}
+    planes = json.dumps({"near": near, "far": far, "count": given["planes"]})
+    stated = attributes_of(PhaseAttributes, {**given, **texts, "depth": planes}, where)
+    given.pop("stroke", None)
     family = {str(name): given.pop(name) for name in ("coefficients", "noll", "radii") if name in given}
-    heights = restored_maps(given.pop("heights"), family, None if stroke is None else Stroke(**stroke))
-    given |= {"mask": heights, "channels": given.pop("response"), "cells": given["cells"].long()}
-    return given | {"bench": changed_bench(PhaseMaskBench(), given["bench"])}
+    heights = given.pop("heights")
+    check_optics(stated, heights.shape, len(given["bands"]), where)
+    given |= {"mask": restored_maps(heights, family, stated.stroke), "bench": stated.bench}
+    return given | {"channels": given.pop("response"), "cells": given["cells"].long()}
 
 
-_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any], dict[str, Any]], dict[str, Any]]] = {
-    "spectral": lambda settings, about: {**settings, "bands": about["wavelengths"]},
-    "light-field": lambda settings, about: settings,
+_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any], _WeightsAttributes, str], dict[str, Any]]] = {
+    "spectral": lambda settings, about, where: {**settings, "bands": about.wavelengths},
+    "light-field": lambda settings, about, where: settings,
     "spectral-depth": _masks_of_version_0_1,
 }
 """Arguments of the cameras of version 0.1 from what their files hold."""

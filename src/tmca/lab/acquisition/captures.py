@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import checksum_of
+from tmca.data import atomic_path, checksum_of, make_folder, sole_process, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
@@ -28,8 +29,8 @@ SOURCE = "source"
 _AGAIN = "delete this one file and run again what captured it: it alone is taken again"
 _DARKS = 4
 """Least number of dark frames: their mean is taken from every other frame, and their spread is the read noise."""
-_UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp\.(json|tif)")
-"""Names of files that were not written to their end."""
+_UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp|\.lock")
+"""What a killed process leaves: folders of files that were not written to their end, and its lock."""
 _SATURATED = 0.5
 _SEEN = 3.0
 """Standard deviations of the dark frame's mean by which a frame with light is above it."""
@@ -101,6 +102,23 @@ def resumed(record: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[s
     return {**record, "taken_with": how}
 
 
+@contextmanager
+def in_use(folder: Path) -> Iterator[None]:
+    """Keep other processes out of the folder of a capture, which is gone again if nothing came into it.
+
+    Raises:
+        OutputError: another one captures into it.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
+    try:
+        with sole_process(make_folder(folder), "a capture"):
+            yield
+    finally:
+        with suppress(OSError):  # frames hold it fast
+            folder.rmdir()
+
+
 def keep(
     values: NDArray[np.integer],
     frame: CaptureFrame,
@@ -110,17 +128,11 @@ def keep(
 ) -> None:
     """Write a frame (H, W), or (C, H, W), as 16-bit TIFF, and the list with it, what is known about it included.
 
-    The list is there before the first frame, so that whatever ends the process leaves a capture that goes on; what was
-    left half-written is swept away.
+    The list is there before the first frame, so that whatever ends the process leaves a capture that goes on.
     """
     import tifffile
 
-    from tmca.data import make_folder, write_json
-    from tmca.data.files import atomic_path
-
     file = make_folder(folder) / f"{frame.name}.tif"
-    for left in [one for one in folder.iterdir() if _UNDONE.fullmatch(one.name)]:
-        left.unlink(missing_ok=True)
     if not (folder / CAPTURES).exists():
         write_json(record, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:

@@ -22,6 +22,7 @@ from tmca.lab.acquisition.captures import (
     captured_so_far,
     check_frame,
     frames_of,
+    in_use,
     is_of,
     keep,
     read_captures,
@@ -78,7 +79,8 @@ def capture(
         DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
         DataError: an export or a kept frame that was changed, a saturated capture, another camera's codes, files that
             are not the frames that are wanted.
-        OutputError: the folder holds something else, or frames of another bench, gain or saturation.
+        OutputError: the folder holds something else, or frames of another bench, gain or saturation, or another
+            process captures into it.
         SettingError: no repeat, or a time below 0.
     """
     check_range("--repeat", repeats, 1, whole=True)
@@ -87,7 +89,7 @@ def capture(
         check_camera(export, camera)
     wanted = frames_of(manifest, repeats)
     files: Mapping[str, Path] = {}
-    with calls_of(device, manifest, timeout) as calls:
+    with in_use(folder), calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: saturation_of(device))
         units = calls.of(lambda: _units(device, camera, manifest)) if gain is None else gain
         about = {"gain": units, "saturation": saturation, **(bench or {})}

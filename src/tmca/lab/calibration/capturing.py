@@ -13,7 +13,7 @@ import torch
 from tmca.cameras import Camera
 from tmca.data import make_folder, metres_to_nm
 from tmca.errors import DataError, OutputError, SettingError, check_choice
-from tmca.lab.acquisition.captures import captured_so_far, check_frame, keep, resumed
+from tmca.lab.acquisition.captures import captured_so_far, check_frame, in_use, keep, resumed
 from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, saturation_of
 from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
 from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
@@ -71,7 +71,7 @@ def capture_step(
             that were taken before in the place of a bench.
         DeviceError: the bench does not answer; frames so far are kept.
         DataError: another camera's export, or saturated frames of a step that may have none.
-        OutputError: the folder holds something else, or frames of another bench.
+        OutputError: the folder holds something else, or frames of another bench, or another process captures into it.
     """
     asked = asked or Asked()
     if isinstance(device, Recorded):
@@ -84,7 +84,7 @@ def capture_step(
         remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
         raise SettingError(f"frames of {step}", f"{lights} lights", "one, where the bench sets none", remedy)
     shown, folder, loaded = ShownCodes(export, Path(out), asked), Path(out) / step, ""
-    with calls_of(device, manifest, timeout) as calls:
+    with in_use(Path(out)), calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: saturation_of(device))
         about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, asked)}
         record = resumed(captured_so_far(folder, export), about, folder)

@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from studies.bench import without_pixels
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.codes import Codes
 from tmca.errors import check_range
-from tmca.lab.importing import without_pixels
 from tmca.metrics import psnr, sam
 from tmca.operators import LinearOperator
 

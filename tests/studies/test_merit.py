@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera
-from tmca.errors import SettingError
-from tmca.lab.merit import (
+from studies.real.merit import (
     agreement,
     brightest_rows,
     neighbours_error,
@@ -15,6 +13,8 @@ from tmca.lab.merit import (
     reprojection_error,
     withheld,
 )
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.errors import SettingError
 
 NM = np.linspace(450, 650, 6)
 

@@ -1,0 +1,84 @@
+"""Folders of outputs: made, checked before long work, and held by one process at a time."""
+
+from __future__ import annotations
+
+import errno
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from tmca.data.locks import LOCK, NoLocks, lock
+from tmca.errors import OutputError
+
+_REASONS = {
+    errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
+    errno.EDQUOT: ("a full disk quota", "room for the file", "free some space or write elsewhere"),
+    errno.EFBIG: ("a file above the size limit", "room for the file", "raise the limit or write elsewhere"),
+    errno.EACCES: ("no permission to write", "a writable folder", "write elsewhere"),
+    errno.EPERM: ("no permission to write", "a writable folder", "write elsewhere"),
+    **dict.fromkeys((errno.EEXIST, errno.ENOTDIR), ("a file in the way", "a folder", "choose another name")),
+    errno.EROFS: ("a read-only disk", "a writable folder", "write elsewhere"),
+}
+
+
+def make_folder(path: str | Path) -> Path:
+    """The folder, made with its parents where it does not exist.
+
+    Raises:
+        OutputError: a file is in its place, or it cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output_error(folder, error) from error
+    return folder
+
+
+def check_folder(path: str | Path) -> None:
+    """Say before long work that a folder cannot be made or written to; nothing is left behind.
+
+    Raises:
+        OutputError: a file is in its place, or its nearest existing parent cannot be written to.
+    """
+    folder = Path(path).absolute()
+    try:
+        there = next(place for place in (folder, *folder.parents) if place.exists())
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+@contextmanager
+def sole_process(folder: Path, work: str = "a run") -> Iterator[None]:
+    """Keep other processes out of a folder that exists; on a disk without locks nobody is kept out.
+
+    Raises:
+        OutputError: another process works in it, or it cannot be written to.
+    """
+    try:
+        handle = lock(folder / LOCK)
+    except NoLocks:
+        yield
+        return
+    except OSError as error:
+        raise output_error(folder, error) from error
+    if handle is None:
+        raise OutputError(folder, f"{work} that is going on", "none", "wait for it or choose another folder")
+    with handle:
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                (folder / LOCK).unlink(missing_ok=True)
+
+
+def output_error(path: str | Path, error: OSError) -> OutputError:
+    """What a failure to write means, and what to do about it."""
+    unknown = (f"a failure to write ({error})", "a writable place", "free some space or write elsewhere")
+    # numpy's tofile tells a full disk only in words, without the system's number
+    code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
+    found, expected, remedy = _REASONS.get(code or 0, unknown)
+    return OutputError(path, found, expected, remedy)

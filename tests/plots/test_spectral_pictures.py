@@ -1,0 +1,111 @@
+"""Pictures of cubes and of scenes with depth: what they show, in which panel, under which words."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tmca.plots import cube as cubes
+from tmca.plots import depth as depths
+
+WAVELENGTHS = np.linspace(450e-9, 650e-9, 7)
+METRES = np.linspace(0.5, 2.0, 4)
+
+
+def scene(seed=0, size=(24, 30)):
+    """(7, 24, 30) of two materials, and a depth map with one unknown pixel."""
+    random = np.random.default_rng(seed)
+    left = np.linspace(0.2, 0.8, 7)[:, None, None] * np.ones(size)
+    left[:, :, size[1] // 2 :] = left[::-1, :, size[1] // 2 :]
+    depth = np.tile(np.linspace(0.5, 2.0, size[1]), (size[0], 1))
+    depth[3, 4] = np.nan
+    return left + 0.02 * random.random(left.shape), depth
+
+
+def titles(figure):
+    return [axis.get_title() for axis in figure.axes if axis.get_title()]
+
+
+def curves(figure):
+    """Spectra: wavelengths in nanometres and values of every line of several points."""
+    return [line for axis in figure.axes for line in axis.lines if len(line.get_xdata()) == len(WAVELENGTHS)]
+
+
+def test_a_cube_shows_its_colours_spectra_and_bands():
+    cube, _ = scene()
+    figure = cubes.cube_figure(cube, WAVELENGTHS, "paper")
+    assert titles(figure)[0] == "paper"
+    assert "7 of 7 bands" in titles(figure)
+    assert [text.get_text() for text in figure.axes[2].texts][:2] == ["450 nm", "483 nm"]
+    points = cubes.sample_points(cube)
+    for line, (row, column) in zip(curves(figure), points, strict=True):
+        np.testing.assert_allclose(line.get_xdata(), WAVELENGTHS * 1e9)
+        np.testing.assert_array_equal(line.get_ydata(), cube[:, row, column])
+
+
+def test_composites_tell_the_error_of_every_estimate():
+    cube, _ = scene()
+    figure = cubes.composites(cube, {"half a per cent off": cube + 0.005, "exact": cube}, WAVELENGTHS, "K = 8")
+    assert titles(figure)[:2] == ["truth\nK = 8", "half a per cent off: 46.02 dB"]
+    assert titles(figure)[2].startswith("exact: ")
+
+
+def test_signatures_are_those_of_the_points_named_above_them():
+    cube, _ = scene()
+    estimates = {f"row {number}": cube + number / 100 for number in range(7)}
+    figure = cubes.signatures(cube, estimates, WAVELENGTHS)
+    for axis, (row, column) in zip(figure.axes[1:], cubes.sample_points(cube, 3), strict=True):
+        assert axis.get_title() == f"row {row}, column {column}"
+        lines = {line.get_label(): line.get_ydata() for line in axis.lines}
+        assert list(lines) == ["truth", "row 0", "row 2", "row 3", "row 4", "row 6"]
+        np.testing.assert_array_equal(lines["row 6"], cube[:, row, column] + 0.06)
+
+
+def test_bands_have_a_row_for_the_truth_and_every_estimate():
+    cube, _ = scene()
+    figure = cubes.bands(cube, {"one": cube + 0.1, "two": cube - 0.1}, WAVELENGTHS)
+    assert titles(figure) == [f"{WAVELENGTHS[band] * 1e9:.0f} nm" for band in (0, 1, 2, 4, 5, 6)]
+    assert [axis.get_ylabel() for axis in figure.axes if axis.get_ylabel()] == ["truth", "one", "two"]
+    np.testing.assert_allclose(figure.axes[6].images[0].get_array(), (cube[0] + 0.1).clip(0))
+
+
+@pytest.mark.parametrize("metric", [True, False])
+def test_a_depth_map_says_its_unit_and_what_is_unknown(metric):
+    cube, depth = scene()
+    figure = depths.rgbd_figure(np.moveaxis(cube[[6, 3, 0]], 0, -1), depth, "a room", metric)
+    labels = [bar.get_ylabel() for axis in figure.axes for bar in axis.child_axes]
+    unit = "depth (m)" if metric else "depth (m up to an affine map of 1/depth)"
+    assert labels == [f"{unit}, grey: unknown"]
+
+
+def test_estimates_stand_beside_the_truth_with_their_errors():
+    cube, depth = scene()
+    known = np.nan_to_num(depth, nan=1.0)
+    figure = depths.before_after({"fitted": (cube + 0.01, known + 0.25)}, (cube, known), WAVELENGTHS, (0.5, 2.0))
+    assert titles(figure)[:2] == ["truth", "fitted\n40.00 dB"]
+    assert "0.250 m off" in titles(figure)
+
+
+def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
+    cube, depth = scene()
+    figure = depths.depth_figure("map", (cube, depth), np.ones(depth.shape), WAVELENGTHS, (0.5, 2.0), (cube, depth))
+    assert {"truth", "map", "depth, truth", "depth, map", "probability within a bin"} <= set(titles(figure))
+    assert len(curves(figure)) == 2 * 3
+
+
+def test_every_code_has_a_row_and_every_decoder_its_columns():
+    cube, depth = scene()
+    rows = {"learned": {"lmmse": (cube, depth), "net": (cube + 0.1, depth)}, "random": {"net": (cube, depth)}}
+    figure = depths.rows_figure(rows, ["lmmse", "net"], (cube, depth), WAVELENGTHS, (0.5, 2.0))
+    assert {"truth", "learned\nlmmse", "learned\nnet", "random\nnet"} <= set(titles(figure))
+    assert "random\nlmmse" not in titles(figure)
+
+
+def test_what_codes_tell_about_depth_leaves_out_a_plane_as_its_own_rival():
+    distances = np.array([[0, 3, 5, 9], [3, 0, 2, 5], [5, 2, 0, 4], [9, 5, 4, 0]], dtype=float)
+    part = {"fisher": [1.0, 2.0, 3.0, 4.0], "kullback_leibler": distances.tolist()}
+    figure = depths.predicted_depth_figure({"one slot": {"optimised": part, "random": part}}, METRES)
+    solid, dotted = figure.axes[1].lines
+    np.testing.assert_array_equal(solid.get_ydata(), [3, 2, 2, 4])
+    np.testing.assert_array_equal(solid.get_xdata(), METRES)
+    assert (solid.get_label(), dotted.get_linestyle()) == ("one slot", ":")
