@@ -133,3 +133,9 @@ def test_files_that_are_no_scenario_are_named(tmp_path, text):
     file.write_text(text)
     with pytest.raises(DataError, match=r"mine\.yaml"):
         read_scenario(file)
+
+
+@pytest.mark.parametrize(("name", "value"), [("bandwidth_hz", 1e15), ("pulses", 10**9), ("antennas", 10**8)])
+def test_scenarios_of_absurd_sizes_are_refused_before_anything_is_made(name, value):
+    with pytest.raises(SettingError, match="at most"):
+        replace(read_scenario("road"), **{name: value})

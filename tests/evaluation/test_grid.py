@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from tmca.evaluation.grid import CellsFailed, cell_key, run_cells
+from tmca.evaluation.grid import CellsFailed, DamagedCell, cell_key, run_cells
 
 CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
 
@@ -139,3 +139,18 @@ def test_no_process_outlives_a_grid_that_is_stopped(tmp_path, number):
     while any(alive(int(file.name)) for file in pids.glob("[0-9]*")):
         assert time.monotonic() - begun < 60
         time.sleep(0.1)
+
+
+@pytest.mark.parametrize("damage", [lambda text: text[:20], lambda text: text.replace("1", "2"), lambda text: "[]"])
+def test_a_damaged_cell_is_computed_again(tmp_path, damage):
+    cells = [{"name": "one", "seed": 1}]
+    first = run_cells(cells, _number, tmp_path)
+    (file,) = tmp_path.glob("*.json")
+    file.write_text(damage(file.read_text()))
+    with pytest.warns(DamagedCell, match="computed again"):
+        assert run_cells(cells, _number, tmp_path) == first
+    assert run_cells(cells, _number, tmp_path) == first
+
+
+def _number(cell):
+    return {"value": cell["seed"] + 10}

@@ -149,7 +149,6 @@ IMPOSSIBLE = [
     (SpectralSpec(aperture="nope"), None, "aperture"),
     (SpectralSpec(dispersion=(1.0, 2.0)), None, "dispersion"),
     (SpectralSpec(shutter="random", duty=0.0), None, "aperture"),
-    (SpectralSpec(slots=10**9), None, "slots"),
     (SpectralSpec(preset="clfp"), None, "preset"),
     (LightFieldSpec(mask_scale=1.1), MaskPlaceSpec(**BENCH, mask_distance=1e-3), "mask_scale"),
     (LightFieldSpec(shear=(1.0, 1.0)), MaskPlaceSpec(**BENCH, mask_distance=1e-3), "shear"),
@@ -163,6 +162,25 @@ def test_specs_that_make_no_camera_name_the_field(spec, bench, where):
     with pytest.raises((SettingError, ShapeError)) as refused:
         camera_of(spec, None, bench, **SHAPES[spec.kind])
     assert refused.value.where == where
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (SpectralSpec, "slots", 10**9),
+        (SpectralSpec, "period", 10**6),
+        (SpectralDepthSpec, "planes", 10**9),
+        (PhaseBenchSpec, "psf_window", 10**6 + 1),
+        (PhaseBenchSpec, "mask_pixels", 10**6),
+        (CubeReading, "wavelengths", "400:700:1000000000"),
+        (SensorSpec, "read_noise", 1e308),
+        (SensorSpec, "read_noise_electrons", 1e308),
+    ],
+)
+def test_what_no_memory_or_scene_could_hold_is_refused_before_anything_is_made(kind, name, value):
+    with pytest.raises(SettingError) as refused:
+        spec_of(kind, {name: value})
+    assert refused.value.where == name
 
 
 def test_a_bench_in_metres_says_the_shear():

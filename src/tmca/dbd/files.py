@@ -9,11 +9,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
+from pydantic import Field
 
-from tmca.data import write_dataset
+from tmca.attributes import Attributes, attributes_of
+from tmca.data import read_dataset, write_dataset
+from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
 from tmca.dbd.recovery import Recovery
 from tmca.dbd.simulation import carriers
@@ -96,57 +98,92 @@ def load_problem(path: str | Path) -> Problem:
     if not path.is_file():
         there = "a folder" if path.is_dir() else "no such file"
         raise DataError(path, there, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
-    plain = path.suffix == ".npz"
-    content = _npz_arrays(path) if plain else _dataset(path)
     try:
-        return _from_arrays(content) if plain else _from_dataset(content)
+        return _from_arrays(_npz_arrays(path)) if path.suffix == ".npz" else _from_dataset(path, read_dataset(path))
     except TmcaError as error:
-        raise type(error)(f"{path}, {error.where}", error.found, error.expected, error.remedy) from error
-    except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise DataError(path, str(error).strip("\"'").splitlines()[0], _EXPECTED) from error
+        if error.where.startswith(str(path)):
+            raise
+        raise type(error)(f"{path}, {error.where}", error.found[:200], error.expected, error.remedy) from error
 
 
-def _dataset(path: Path) -> Any:
-    import xarray
+class SourceAttributes(Attributes):
+    """Attributes of a basis; see `Source`."""
 
-    try:
-        with xarray.open_dataset(path, engine="h5netcdf") as opened:
-            dataset = opened.load()
-    except (OSError, ValueError, KeyError) as error:
-        raise DataError(path, "no NetCDF file", "one written by `tmca dbd simulate`") from error
-    kind = dataset.attrs.get("kind")
-    if kind != KIND:
-        raise DataError(path, f"kind {kind!r}", f"{KIND!r}", "simulate one with `tmca dbd simulate`")
-    return dataset
+    source: str = Field(min_length=1, max_length=200)
+    weight: float = Field(gt=0)
 
 
-def _from_dataset(dataset: Any) -> Problem:
-    def joined(name: str) -> Complex:
-        values = dataset[name].values
-        return values[..., 0] + 1j * values[..., 1]
+class ProblemAttributes(Attributes):
+    """Attributes of a file of samples; see `Problem` and `Units`."""
 
-    sources, truths = [], []
-    for index in range(sum(str(name).startswith("basis_") for name in dataset)):
-        about = dataset[f"basis_{index}"].attrs
-        message = dataset[f"message_{index}"].values
-        sources.append(Source(str(about["source"]), joined(f"basis_{index}"), message, float(about["weight"])))
-        if f"true_points_{index}" in dataset:
-            points = dataset[f"true_points_{index}"].values
-            truths.append(Truth(points, joined(f"true_amplitudes_{index}"), joined(f"true_waveform_{index}")))
-    about = dataset.attrs
-    sigma = float(about["sigma"]) if "sigma" in about else None
-    names = [one.name for one in fields(Units) if f"units_{one.name}" in about]
-    units = Units(**{name: float(about[f"units_{name}"]) for name in names}) if names else None
-    return Problem(joined("y"), tuple(sources), sigma, tuple(truths) or None, units)
+    kind: str = ""
+    sigma: float | None = Field(default=None, ge=0)
+    delay_s: float | None = Field(default=None, gt=0, alias="units_delay_s")
+    doppler_hz: float | None = Field(default=None, gt=0, alias="units_doppler_hz")
+    carrier_hz: float | None = Field(default=None, gt=0, alias="units_carrier_hz")
+    spacing: float | None = Field(default=None, gt=0, alias="units_spacing")
+
+    def units(self) -> Units | None:
+        """Those of the samples, where there are any.
+
+        Raises:
+            DataError: some of them alone.
+        """
+        given = {one.name: getattr(self, one.name) for one in fields(Units)}
+        if all(value is None for value in given.values()):
+            return None
+        missing = [name for name, value in given.items() if value is None]
+        if missing:
+            raise DataError("units", f"no {missing[0]}", f"all of {', '.join(given)}, or none")
+        return Units(**given)
+
+
+def _from_dataset(path: Path, dataset: Any) -> Problem:
+    about = attributes_of(ProblemAttributes, dataset.attrs, path)
+    if about.kind != KIND:
+        raise DataError(path, f"kind {about.kind[:60]!r}", f"{KIND!r}", "simulate one with `tmca dbd simulate`")
+    count = sum(str(name).startswith("basis_") for name in dataset)
+    sources = tuple(_source(path, dataset, index) for index in range(count))
+    known = [index for index in range(count) if f"true_points_{index}" in dataset]
+    truth = tuple(_truth(path, dataset, index) for index in known) or None
+    return Problem(_joined(path, dataset, "y"), sources, about.sigma, truth, about.units())
+
+
+def _source(path: Path, dataset: Any, index: int) -> Source:
+    name = f"basis_{index}"
+    rows, about = _joined(path, dataset, name), attributes_of(SourceAttributes, dataset[name].attrs, path)
+    return Source(about.source, rows, _real(path, dataset, f"message_{index}"), about.weight)
+
+
+def _truth(path: Path, dataset: Any, index: int) -> Truth:
+    points = _real(path, dataset, f"true_points_{index}")
+    gains, waveform = (_joined(path, dataset, f"true_{part}_{index}") for part in ("amplitudes", "waveform"))
+    return Truth(points, gains, waveform)
+
+
+def _joined(path: Path, dataset: Any, name: str) -> Complex:
+    """Complex numbers of their two parts."""
+    values = _real(path, dataset, name)
+    if values.ndim < 2 or values.shape[-1] != 2:
+        raise DataError(path, f"{name} of shape {values.shape}", "real and imaginary parts last", _EXPECTED)
+    joined: Complex = values[..., 0] + 1j * values[..., 1]
+    return joined
+
+
+def _real(path: Path, dataset: Any, name: str) -> Any:
+    if name not in dataset:
+        raise DataError(path, f"no {name}", _EXPECTED)
+    values = dataset[name].values
+    if values.dtype.kind not in "iuf":
+        raise DataError(path, f"{name} of type {values.dtype}", "real numbers")
+    return values
 
 
 def _npz_arrays(path: Path) -> dict[str, Any]:
     """The arrays of a user's file, none of which may mean nothing."""
-    try:
-        with np.load(path) as opened:
-            arrays = dict(opened)
-    except (OSError, ValueError, EOFError, TypeError, BadZipFile) as error:
-        raise DataError(path, "no .npz of plain arrays", "np.savez(path, y=…, basis_radar=…, …)") from error
+    with whole_file(path, ".npz of plain arrays", "np.savez(path, y=…, basis_radar=…, …)"):
+        loaded = np.load(path, allow_pickle=False)
+        arrays = dict(loaded) if hasattr(loaded, "files") else {}
     names = [name.removeprefix("basis_") for name in arrays if name.startswith("basis_")]
     if "y" not in arrays or not names:
         raise DataError(path, ", ".join(arrays) or "nothing", "y and one basis_NAME or more")

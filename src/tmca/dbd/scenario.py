@@ -24,6 +24,8 @@ from tmca.errors import DataError, SettingError, TmcaError, check_range
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
+_FREQUENCIES, _NUMBERS = 2048, 2**25
+"""Most frequencies, and most complex numbers of a basis (0.5 GB)."""
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 
@@ -161,8 +163,22 @@ class Scenario:
         check_range("pulse_s", self.duration_s, above=0, unit="s")
         if self.snr_db is not None:
             check_range("snr_db", self.snr_db, -300, 300, unit="dB")
+        self._check_size()
         self._check_delays()
         self._check_unambiguous()
+
+    def _check_size(self) -> None:
+        """Samples and bases fit in memory, before anything is made of them."""
+        frequencies = self.bandwidth_hz * self.useful_s
+        remedy = "take a smaller bandwidth or a shorter interval"
+        check_range("bandwidth_hz times useful_s", frequencies, high=_FREQUENCIES, unit="frequencies", remedy=remedy)
+        check_range("samples of the bases", self.bases, high=_NUMBERS, remedy="take fewer pulses, antennas or unknowns")
+
+    @property
+    def bases(self) -> float:
+        """Numbers of both bases or of the samples, whichever are more."""
+        unknowns = self.subspace * (self.pulses if self.messages == "dense" else 1)
+        return float(self.frequencies) * self.pulses * max(unknowns, self.antennas)
 
     def _check_delays(self) -> None:
         """Echoes end within the interval, paths come within the prefix, none before it was sent."""

@@ -54,7 +54,7 @@ class SearchedCodes(Strict):
 
     noise: str | None = None
     kind: str | None = None
-    slots: int | None = Field(default=None, ge=1)
+    slots: int | None = Field(default=None, ge=1, le=1024)
     starts: int = Field(default=1, ge=1)
 
 
@@ -171,9 +171,9 @@ class Study(Strict):
     search: Settings = {}
     train: TrainStage = TrainStage()
     priors: dict[str, Settings] = {}
-    patches: int = Field(default=24_000, ge=1)
+    patches: int = Field(default=24_000, ge=1, le=10**7)
     seed: int = 0
-    seeds: int = Field(default=1, ge=1)
+    seeds: int = Field(default=1, ge=1, le=10**5)
     seeds_without_prior: int | None = None
     shown: tuple[tuple[str, str], ...] | None = ()
     shown_noise: str | None = None

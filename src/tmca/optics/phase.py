@@ -75,7 +75,7 @@ class Material:
         with np.errstate(all="ignore"):
             index = FORMULAS[self.formula](values * 1e6, np.asarray(self.coefficients))
         if not ((index > 0) & (index < 100)).all():
-            found = f"{self.source or self.name} with a refractive index of {index.max():.3g}"
+            found = f"{self.name} with a refractive index of {index.max():.3g}"
             raise SettingError("material", found, "a positive number below 100", "correct its coefficients")
         return index
 
@@ -101,7 +101,7 @@ class Material:
         """
         described = read_yaml(path, "a .yml file of refractiveindex.info")
         try:
-            return cls(Path(path).stem, *_described(described["DATA"][0]), source=str(path))
+            return cls(Path(path).name, *_described(described["DATA"][0]), source=str(path))
         except (KeyError, IndexError, TypeError, ValueError) as error:
             wanted = f"a .yml file of refractiveindex.info, of {', '.join(FORMULAS)}"
             raise DataError(path, f"no material ({error!r:.200})", wanted) from None

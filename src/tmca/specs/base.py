@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 SEEDS = 2**30
 """Seeds lie below."""
+BANDS = 4096
+"""Most bands of a scene."""
 S = TypeVar("S", bound="Spec")
 
 
@@ -117,6 +119,8 @@ def metres_of_nm(text: Any) -> Any:
     try:
         if ":" in text:
             first, last, count = text.split(":")
+            if not 1 <= int(count) <= BANDS:
+                raise SettingError("wavelengths", repr(text), f"a COUNT from 1 to {BANDS}")
             step = (float(last) - float(first)) / max(int(count) - 1, 1)
             return [(float(first) + step * band) * 1e-9 for band in range(int(count))]
         return [float(part) * 1e-9 for part in text.split(",")]
@@ -140,9 +144,13 @@ Words = Annotated[tuple[str, ...], BeforeValidator(_words)]
 """Words separated by commas."""
 Wholes = Annotated[tuple[int, ...], BeforeValidator(_words)]
 """Whole numbers separated by commas."""
-Whole = Annotated[int, Field(ge=1)]
+Whole = Annotated[int, Field(ge=1, le=10**9)]
 """1 or more."""
-Sides = Annotated[tuple[Whole, ...], BeforeValidator(lambda value: _sides(_joined(value))), _PAIR]
+Slots = Annotated[int, Field(ge=1, le=1024)]
+"""Time slots K within an exposure."""
+Pixels = Annotated[int, Field(ge=1, le=32768)]
+"""Along one side of a sensor, a tile or a window."""
+Sides = Annotated[tuple[Pixels, ...], BeforeValidator(lambda value: _sides(_joined(value))), _PAIR]
 """Two whole numbers: ``64x80``."""
 Metres = Annotated[tuple[float, ...], BeforeValidator(metres_of_nm)]
 """Wavelengths in metres, of texts in nm."""

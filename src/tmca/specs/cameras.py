@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Both, Distances, Numbers, Seed, Share, Spec, Whole
+from tmca.specs.base import Both, Distances, Numbers, Pixels, Seed, Share, Slots, Spec
 
 CAMERA_SPECS: dict[str, type[CameraSpec]] = {}
 """The spec of every kind of camera."""
@@ -47,7 +47,7 @@ class CameraSpec(Spec):
 class CodedSpec(CameraSpec):
     """Codes of a camera with an aperture and a shutter, and the exposure."""
 
-    slots: Whole = 8
+    slots: Slots = 8
     "Time slots K within the exposure; those of the patterns where a file is given."
     aperture: str = "random"
     "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns."
@@ -56,7 +56,7 @@ class CodedSpec(CameraSpec):
     preset: str | None = None
     """Start from a named camera: thesis, one-hot, and of the spectral camera cassi (static), of the light field clfp
     (static) and quick. Other options replace its values."""
-    period: Whole | None = None
+    period: Pixels | None = None
     "Tile of the codes in pixels; full frame without it."
     seed: Seed = 0
     "Of the codes and the noise."
@@ -112,7 +112,7 @@ class SpectralDepthSpec(CameraSpec):
 
     preset: str = "quick"
     "Start from a named camera: thesis, diffractive (its phase mask alone), quick, quick-diffractive."
-    slots: Whole | None = None
+    slots: Slots | None = None
     "Time slots K within the exposure."
     mask: str | None = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
@@ -120,7 +120,7 @@ class SpectralDepthSpec(CameraSpec):
     "Shutter codes: random, open, one-hot, complementary or blue-noise."
     depth: Distances = (0.4, 2.0)
     "NEAR,FAR of the depth planes, metres."
-    planes: int | None = None
+    planes: Annotated[int, Field(le=4096)] | None = None
     "Number of depth planes, even in inverse depth."
     codes: Path | None = None
     """Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc), the bands are then the preset's;
@@ -131,7 +131,7 @@ class SpectralDepthSpec(CameraSpec):
     "Colour filters over the pixels: clear, gaussian or rgbw."
     channels: str | None = None
     "Of the sensor: monochrome or rgb."
-    period: Whole | None = None
+    period: Pixels | None = None
     "Tile of shutter and filters, pixels."
     exposure: Literal["equal", "per-slot"] | None = None
     "equal: the slots share one exposure time; per-slot: each has its own."
@@ -139,7 +139,7 @@ class SpectralDepthSpec(CameraSpec):
     "linear, or occlusion: near layers hide far ones."
     rms_nm: Annotated[float, Field(ge=0, le=1e5)] = 100.0
     "Of a random mask's heights, nm."
-    modes: int = 18
+    modes: Annotated[int, Field(le=1024)] = 18
     "Zernike modes of a random mask, from defocus on."
 
     def arguments(self) -> dict[str, Any]:

@@ -59,11 +59,11 @@ class PhaseBenchSpec(Spec):
     "Of the sensor's pixels, metres."
     material: str | None = None
     "Of the mask: mirror, a material such as PMMA, or a .yml file of refractiveindex.info."
-    psf_window: Annotated[int, Field(ge=1), AfterValidator(_odd)] | None = None
+    psf_window: Annotated[int, Field(ge=1, le=8191), AfterValidator(_odd)] | None = None
     "Side of the point spread functions, pixels of the sensor, odd."
-    mask_pixels: int | None = None
+    mask_pixels: Annotated[int, Field(le=16384)] | None = None
     "Along the aperture's diameter, of the height maps."
-    oversampling: int | None = None
+    oversampling: Annotated[int, Field(le=64)] | None = None
     "Samples per side of a pixel, over whose area light is summed."
 
     def arguments(self) -> dict[str, Any]:

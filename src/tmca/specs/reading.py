@@ -35,7 +35,7 @@ class ViewsReading(Spec):
 class LightFieldsReading(ViewsReading):
     """How light fields are read, one or several."""
 
-    views: int = 5
+    views: Annotated[int, Field(le=255)] = 5
     "n for the centre n×n views, odd."
     scale: Whole | None = None
     "Of light fields from files: whole number of pixels per axis that are averaged into one."

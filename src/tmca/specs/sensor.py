@@ -8,15 +8,17 @@ from pydantic import Field
 
 from tmca.specs.base import Spec
 
+_Noise = Annotated[float, Field(ge=0, le=1e6)]
+
 
 class SensorSpec(Spec):
     """The sensor."""
 
-    read_noise: Annotated[float, Field(ge=0)] = 0.0
+    read_noise: _Noise = 0.0
     "Standard deviation in snapshot units (1 = one band or view of a white scene)."
-    full_well: Annotated[float, Field(gt=0)] | None = None
+    full_well: Annotated[float, Field(ge=1e-3, le=1e15)] | None = None
     "Electrons at full scale; switches shot noise on."
-    read_noise_electrons: Annotated[float, Field(ge=0)] = 0.0
+    read_noise_electrons: _Noise = 0.0
     "Read noise in electrons, standard deviation; needs --full-well."
     bits: Annotated[int, Field(ge=1, le=32)] | None = None
     "Bits of the analogue-to-digital converter."

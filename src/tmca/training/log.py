@@ -29,7 +29,7 @@ class TrainingLog:
             text = self.path.read_text(encoding="utf-8")
             rows = list(csv.DictReader(text.splitlines(), restval="", strict=True))
         for row in rows:
-            if None in row or not (row.get("step") or "").isdecimal():
+            if None in row or not (row.get("step") or "").isdecimal() or not all(map(_figure, row.values())):
                 raise DataError(self.path, f"a line {list(row.values())}"[:80], "a step and its figures", "delete it")
         return rows
 
@@ -47,3 +47,12 @@ class TrainingLog:
         names = list(dict.fromkeys(name for row in rows for name in row)) or ["step"]
         lines = [",".join(names), *(",".join(row.get(name, "") for name in names) for row in rows)]
         write_text("\n".join(lines) + "\n", self.path, overwrite=True)
+
+
+def _figure(text: str) -> bool:
+    """Whether it is a number, or nothing."""
+    try:
+        float(text or 0)
+    except ValueError:
+        return False
+    return True

@@ -10,7 +10,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from tmca.errors import SettingError
 from tmca.specs import SensorSpec, Spec, first_error
-from tmca.specs.base import Whole
+from tmca.specs.base import BANDS, Pixels, Slots, Whole
 
 Share = Annotated[float, Field(ge=0)]
 Steepness = Annotated[float, Field(gt=0)]
@@ -20,9 +20,9 @@ Model = TypeVar("Model", bound=Spec)
 class CameraSettings(Spec):
     """The camera of a run; names as in its class."""
 
-    size: tuple[int, int] = (256, 256)
+    size: tuple[Pixels, Pixels] = (256, 256)
     "(H, W) of its scenes, pixels."
-    slots: Whole = 8
+    slots: Slots = 8
     "Time slots K within the exposure."
     exposure: Literal["equal", "per-slot"] = "equal"
     "Whether the slots share one exposure time, or each has its own."
@@ -43,7 +43,7 @@ class MaskCameraSettings(CameraSettings):
     "Share of open aperture pixels."
     duty: float = Field(default=0.5, gt=0, lt=1)
     "Share of open shutter pixels."
-    period: Whole | tuple[Whole, Whole] | None = None
+    period: Pixels | tuple[Pixels, Pixels] | None = None
     "Tile of the codes, which is seen in every step; a full frame is seen rarely."
     learn: Literal["both", "aperture", "shutter", "none"] = "none"
 
@@ -82,7 +82,7 @@ class BatchSettings(Spec):
     "Cubes, rendered scenes, or split files (``.txt``) of them."
     validation: tuple[str, ...] = ()
     "The same; if empty, ``shares`` of ``train`` are set aside, and left out of ``prior``."
-    batch: Whole = 16
+    batch: Annotated[int, Field(ge=1, le=65536)] = 16
     "Patches per step, over all processes."
 
 
@@ -91,11 +91,11 @@ class DataSettings(BatchSettings):
 
     shares: tuple[Share, Share, Share] = (0.8, 0.1, 0.1)
     "Of training, validation and test scenes where no validation scenes are given."
-    bands: Whole = 12
+    bands: Annotated[int, Field(ge=1, le=BANDS)] = 12
     "Nearest to even spacing from 400 to 700 nm."
-    patch: int = Field(default=64, ge=4)
+    patch: int = Field(default=64, ge=4, le=32768)
     "Side of the square patches, pixels."
-    patches_per_scene: Whole = 64
+    patches_per_scene: Annotated[int, Field(ge=1, le=10**6)] = 64
     "Patches of each scene that make an epoch."
     brightness: Share = 3.0
     "Patches are made darker by up to this many stops, or brighter by one."
@@ -103,7 +103,7 @@ class DataSettings(BatchSettings):
     "Standard deviation of a random smooth change of the spectrum, natural logarithm."
     motion: Share = 0.0
     "Largest motion of the scene within the exposure, pixels; needs a single disperser."
-    pool: int = Field(default=0, ge=0)
+    pool: int = Field(default=0, ge=0, le=10**7)
     """While codes stay as they are, batches are drawn from this many patches, whose snapshots and first estimates are
     made once; 0 makes new ones in every step."""
     prior: tuple[str, ...] = ()
