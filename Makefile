@@ -23,11 +23,11 @@ lint: .venv/installed
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 
-# A campaign of 20 000 damaged files; killed, it goes on where it stopped.
 # Every command killed and stopped at twenty moments each.
 kills: .venv/installed
 	TMCA_KILL_MOMENTS=20 .venv/bin/pytest tests/cli/test_kill_table.py
 
+# A campaign of 20 000 damaged files; killed, it goes on where it stopped.
 fuzz: .venv/installed
 	.venv/bin/python -m tests.fuzz
 
