@@ -70,7 +70,7 @@ def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
 class CodesAttributes(Attributes):
     """Of a codes file: rows and columns of the period, one number for both, or none."""
 
-    period: tuple[_Side, _Side] | _Side | Json[tuple[()]] | None = None
+    period: tuple[_Side, _Side] | _Side | Json[tuple[_Side, _Side] | tuple[()] | None] | None = None
 
 
 @dataclass(frozen=True)
