@@ -31,7 +31,8 @@ from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DEPTH_STARTS
 from tmca.errors import SettingError
 from tmca.evaluation.study import read_study
-from tmca.lab.deploy import FORMATS, export_decoder, load_exported
+from tmca.lab.deploy import FORMATS, export_decoder
+from tmca.lab.loading import load_exported
 from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior

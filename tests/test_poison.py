@@ -11,7 +11,8 @@ import torch
 
 from tests.lab.test_deploy import written_weights
 from tmca.errors import DataError, TmcaError
-from tmca.lab.deploy import export_decoder, load_exported
+from tmca.lab.deploy import export_decoder
+from tmca.lab.loading import load_exported
 
 
 class Bomb:

@@ -146,7 +146,7 @@ def _decoder(path: Path) -> None:
 def _read_decoder(path: Path) -> Any:
     import torch
 
-    from tmca.lab.deploy import load_exported
+    from tmca.lab.loading import load_exported
 
     program: Any = load_exported(path)
     return program(torch.full(program.shape, 0.5))

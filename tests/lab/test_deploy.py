@@ -11,9 +11,10 @@ import torch
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights, build_network
 from tmca.errors import DataError, OutputError, SettingError
-from tmca.lab.deploy import check_decoder, code_marks, decode_exported, decoder_file, export_decoder, load_exported
+from tmca.lab.deploy import check_decoder, code_marks, decode_exported, decoder_file, export_decoder
 from tmca.lab.fixed_decoder import FixedOperator, LookedUpOperator
 from tmca.lab.importing import WITHHELD, without_pixels
+from tmca.lab.loading import load_exported
 from tmca.operators import TapOperator, Taps
 
 SIZE, BANDS = (24, 21), 4
@@ -260,7 +261,7 @@ def test_a_broken_export_is_refused(exported, tmp_path, name, format):
 @pytest.mark.slow
 def test_a_broken_export_is_told_of_in_one_line(tmp_path):
     (tmp_path / "decoder.pt2").write_text("broken")
-    code = f"from tmca.lab.deploy import load_exported; load_exported(r'{tmp_path / 'decoder.pt2'}')"
+    code = f"from tmca.lab.loading import load_exported; load_exported(r'{tmp_path / 'decoder.pt2'}')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "cannot be read" in done.stderr
     assert "Ran into the following error" not in done.stderr

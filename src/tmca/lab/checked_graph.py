@@ -11,14 +11,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import torch
-from pydantic import Field, model_validator
 from torch import Tensor
 
-from tmca.attributes import Attributes, json_of
+from tmca.attributes import json_of
 from tmca.errors import DataError, TmcaError
+from tmca.lab.graph_file import Graph, GraphArgument, GraphConfig, GraphMeta, GraphNode, GraphProgram
 
 M = TypeVar("M")
 LARGEST = 8 * 2**30
@@ -49,133 +49,6 @@ _DTYPES = {
 _FORMATS = {1: torch.contiguous_format, 2: torch.channels_last, 4: torch.preserve_format}
 _REMEDY = "export it again with `tmca decoder export`; --trust runs what the file holds, for files of your own"
 
-Size = Annotated[int, Field(ge=0, le=2**40)]
-Type = Literal[1, 2, 3, 4, 5, 6, 7, 8, 10, 11, 12, 13]
-
-
-class _Name(Attributes):
-    name: str
-
-
-class _Device(Attributes):
-    type: Literal["cpu"]
-
-
-class _Argument(Attributes):
-    """One argument; the field that is stated says what it is."""
-
-    as_tensor: _Name | None = None
-    as_tensors: tuple[_Name, ...] | None = None
-    as_int: int | None = None
-    as_ints: tuple[int, ...] | None = None
-    as_float: float | None = None
-    as_floats: tuple[float, ...] | None = None
-    as_bool: bool | None = None
-    as_string: Literal["cpu", "none", "tanh", "constant", "replicate", "reflect", "circular"] | None = None
-    as_scalar_type: Type | None = None
-    as_memory_format: Literal[1, 2, 4] | None = None
-    as_layout: Literal[7] | None = None
-    as_device: _Device | None = None
-    as_none: bool | None = None
-    as_graph: _Part | None = None
-
-    @model_validator(mode="after")
-    def _one(self) -> _Argument:
-        if len(self.model_fields_set) != 1:
-            raise ValueError("an argument of a known kind")
-        return self
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Of the tensors that it is."""
-        return tuple(one.name for one in ([self.as_tensor] if self.as_tensor else self.as_tensors or ()))
-
-
-class _Input(Attributes):
-    name: str
-    arg: _Argument
-    kind: Literal[1, 2] = 1
-
-
-class _Node(Attributes):
-    target: str
-    inputs: tuple[_Input, ...]
-    outputs: tuple[_Argument, ...]
-
-
-class _Length(Attributes):
-    as_int: Size
-
-
-class _Meta(Attributes):
-    """Of a tensor."""
-
-    dtype: Type
-    sizes: tuple[_Length, ...]
-    strides: tuple[_Length, ...]
-    storage_offset: _Length
-    layout: Literal[7]
-
-
-class _Graph(Attributes):
-    inputs: tuple[_Argument, ...]
-    outputs: tuple[_Argument, ...] = Field(min_length=1)
-    nodes: tuple[_Node, ...]
-    tensor_values: dict[str, _Meta] = Field(default_factory=dict)
-
-
-class _Part(Attributes):
-    graph: _Graph
-
-
-class _UserInput(Attributes):
-    arg: _Argument
-
-
-class _Stored(Attributes):
-    arg: _Name
-    stored: str = Field(alias="parameter_name")
-
-
-class _Buffer(_Stored):
-    stored: str = Field(alias="buffer_name")
-
-
-class _Constant(_Stored):
-    stored: str = Field(alias="tensor_constant_name")
-
-
-class _Spec(Attributes):
-    """Where an input of the graph comes from."""
-
-    parameter: _Stored | None = None
-    buffer: _Buffer | None = None
-    tensor_constant: _Constant | None = None
-    user_input: _UserInput | None = None
-
-
-class _Signature(Attributes):
-    input_specs: tuple[_Spec, ...]
-
-
-class _Module(Attributes):
-    graph: _Graph
-    signature: _Signature
-
-
-class _Program(Attributes):
-    graph_module: _Module
-
-
-class _Payload(Attributes):
-    path_name: str
-    use_pickle: Literal[False]
-    tensor_meta: _Meta
-
-
-class _Config(Attributes):
-    config: dict[str, _Payload]
-
 
 @dataclass(frozen=True)
 class CheckedProgram:
@@ -190,7 +63,7 @@ class CheckedProgram:
     """
 
     path: Path
-    graph: _Graph
+    graph: Graph
     tensors: Mapping[str, Tensor]
     entry: str
     shape: tuple[int, ...]
@@ -226,7 +99,7 @@ def load_program(path: Path) -> CheckedProgram:
         DataError: another file, one with pickled tensors, or a graph with operators that are not on the list.
     """
     with _archive(path) as files:
-        module = _json(files, "models/model.json", path, _Program).graph_module
+        module = _json(files, "models/model.json", path, GraphProgram).graph_module
         stored = _stored(files, "weights", "weight_", path) | _stored(files, "constants", "tensor_", path)
     _check(module.graph, path)
     tensors: dict[str, Tensor] = {}
@@ -283,7 +156,7 @@ def _stored(files: Mapping[str, Any], folder: str, before: str, path: Path) -> d
     """The tensors of one folder of the archive by their names."""
     if _bytes(files, "byteorder", path) != sys.byteorder.encode():
         raise DataError(path, "another order of bytes", sys.byteorder, _REMEDY)
-    config = _json(files, f"data/{folder}/model_{folder}_config.json", path, _Config).config
+    config = _json(files, f"data/{folder}/model_{folder}_config.json", path, GraphConfig).config
     tensors = {}
     for name, payload in config.items():
         if not payload.path_name.startswith(before):
@@ -293,7 +166,7 @@ def _stored(files: Mapping[str, Any], folder: str, before: str, path: Path) -> d
     return tensors
 
 
-def _tensor(data: bytes, meta: _Meta, where: str) -> Tensor:
+def _tensor(data: bytes, meta: GraphMeta, where: str) -> Tensor:
     """A tensor of its bytes, within them."""
     kind = _DTYPES[meta.dtype]
     sizes: list[int] = [int(length.as_int) for length in meta.sizes]
@@ -311,7 +184,7 @@ def _tensor(data: bytes, meta: _Meta, where: str) -> Tensor:
     return tensor
 
 
-def _check(graph: _Graph, path: Path) -> None:
+def _check(graph: Graph, path: Path) -> None:
     """Raises DataError for an operator that is not on the list, at any depth."""
     for node in graph.nodes:
         if node.target != _AUTOCAST:
@@ -333,7 +206,7 @@ def _computing(path: Path) -> Iterator[None]:
         raise DataError(path, f"a graph that cannot be computed ({reason})", "that of a decoder", _REMEDY) from None
 
 
-def _outputs(graph: _Graph, tensors: dict[str, Tensor], path: Path) -> list[Tensor]:
+def _outputs(graph: Graph, tensors: dict[str, Tensor], path: Path) -> list[Tensor]:
     """The tensors that come out of a graph; what is not needed any more is let go of."""
     wanted = [name for output in graph.outputs for name in output.names]
     last = {name: place for place, node in enumerate(graph.nodes) for name in _needed(node)}
@@ -356,11 +229,11 @@ def _size(tensor: Tensor) -> int:
     return tensor.numel() * tensor.element_size()
 
 
-def _needed(node: _Node) -> list[str]:
+def _needed(node: GraphNode) -> list[str]:
     return [name for given in node.inputs for name in given.arg.names]
 
 
-def _made(node: _Node, tensors: Mapping[str, Tensor], path: Path) -> dict[str, Tensor]:
+def _made(node: GraphNode, tensors: Mapping[str, Tensor], path: Path) -> dict[str, Tensor]:
     """The tensors of one node by their names."""
     if node.target == _AUTOCAST:
         result = _autocast(node, tensors, path)
@@ -385,7 +258,7 @@ def _operator(target: str, path: Path) -> Any:
     return getattr(packet, match[2])
 
 
-def _autocast(node: _Node, tensors: Mapping[str, Tensor], path: Path) -> list[Tensor]:
+def _autocast(node: GraphNode, tensors: Mapping[str, Tensor], path: Path) -> list[Tensor]:
     """A graph within the graph, computed in the types that it names."""
     _, dtype, enabled, cache, part, *given = (one.arg for one in node.inputs)
     if part.as_graph is None or dtype.as_scalar_type is None:
@@ -397,7 +270,7 @@ def _autocast(node: _Node, tensors: Mapping[str, Tensor], path: Path) -> list[Te
         return _outputs(graph, inside, path)
 
 
-def _value(argument: _Argument, tensors: Mapping[str, Tensor]) -> Any:
+def _value(argument: GraphArgument, tensors: Mapping[str, Tensor]) -> Any:
     """What an operator is given."""
     (kind,) = argument.model_fields_set
     value = getattr(argument, kind)

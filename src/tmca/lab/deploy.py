@@ -6,10 +6,8 @@ Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, 
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,10 +21,10 @@ from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders import Estimate, Weights
 from tmca.decoders.nets.weights import same_bands
-from tmca.errors import DataError, SettingError, TmcaError
-from tmca.lab.checked_graph import load_program
+from tmca.errors import DataError, SettingError
 from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
 from tmca.lab.importing import WITHHELD
+from tmca.lab.loading import load_exported, package, quiet
 from tmca.operators import TapOperator, Taps
 from tmca.sensor import Noise, Sensor
 
@@ -253,60 +251,6 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: boo
     return checked
 
 
-def load_exported(file: str | Path, trust: bool = False) -> Callable[[Tensor], Tensor]:
-    """An exported decoder as a function of the snapshot (1, 1, H, W').
-
-    Args:
-        file: of `export_decoder`.
-        trust: load it as `torch.export.load` does, which runs whatever code the file holds.
-
-    Raises:
-        DataError: no such file, a broken one, or one that holds more than tensors and the operators of a decoder.
-        SettingError: onnx or onnxruntime is missing.
-    """
-    file = Path(file)
-    if not file.is_file():
-        raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
-    if file.suffix == ".pt2":
-        return _loaded_by_torch(file) if trust else load_program(file)
-    return _loaded_by_onnx(file)
-
-
-@contextmanager
-def _loading(file: Path) -> Iterator[None]:
-    """Within it, whatever a loader raises is a DataError."""
-    try:
-        yield
-    except TmcaError:
-        raise
-    except Exception as error:  # each loader has errors of its own for a broken file
-        found = f"a file that cannot be read ({type(error).__name__})"
-        raise DataError(file, found, "an exported decoder", "write it again with `tmca decoder export`") from error
-
-
-def _loaded_by_torch(file: Path) -> Callable[[Tensor], Tensor]:
-    with _loading(file), _quiet("torch.export"):
-        program = torch.export.load(str(file)).module()
-    return lambda snapshot: program(snapshot)
-
-
-def _loaded_by_onnx(file: Path) -> Callable[[Tensor], Tensor]:
-    """A model of ONNX's own operators, all of it in the one file."""
-    onnx, runtime = _packages("onnx"), _packages("onnxruntime")
-    with _loading(file):
-        content = file.read_bytes()
-        model = onnx.load_model_from_string(content)
-        tensors = onnx.external_data_helper._get_all_tensors(model)
-        if any(onnx.external_data_helper.uses_external_data(tensor) for tensor in tensors):
-            raise DataError(file, "tensors that lie in other files", "all in this one", "export it again")
-        domains = {one.domain for one in model.opset_import} - {"", "ai.onnx"}
-        if domains or model.functions:
-            found = f"operators of {', '.join(sorted(domains)) or 'its own'}"
-            raise DataError(file, found[:80], "those of ONNX", "export it again with `tmca decoder export`")
-        session = runtime.InferenceSession(content, providers=["CPUExecutionProvider"])
-    return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
-
-
 def decoder_file(folder: str | Path, format: str) -> Path:
     """The file of one format in a folder that `export_decoder` wrote."""
     files = {entry.format: entry.file for entry in read_description(Path(folder)).files}
@@ -347,7 +291,7 @@ def _written(
         if format == "torch":
             torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), str(temporary))
         else:
-            with _quiet("torch.onnx"):  # it warns of packages that no decoder uses
+            with quiet("torch.onnx"):  # it warns of packages that no decoder uses
                 program = torch.onnx.export(
                     decoder, (snapshot,), dynamo=True, input_names=["snapshot"], output_names=["scene"], verbose=False
                 )
@@ -356,18 +300,6 @@ def _written(
         error = _difference(decoder, load_exported(temporary), snapshot)
         _check_close(path, error)
     return DecoderFile(format=format, file=path.name, error=error)
-
-
-@contextmanager
-def _quiet(name: str) -> Iterator[None]:
-    """No warnings of a logger and those below it; what fails raises all the same."""
-    logger = logging.getLogger(name)
-    level = logger.level
-    logger.setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        logger.setLevel(level)
 
 
 def _check_close(path: Path, error: float) -> None:
@@ -404,13 +336,4 @@ def _check_formats(formats: tuple[str, ...]) -> None:
         raise SettingError("formats", found, f"some of {', '.join(FORMATS)}")
     if "onnx" in formats:
         for name in ("onnx", "onnxscript", "onnxruntime"):
-            _packages(name)
-
-
-def _packages(name: str) -> Any:
-    import importlib
-
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise SettingError("onnx", f"no package {name}", "it", "pip install 'tmca[onnx]'") from error
+            package(name)

@@ -21,7 +21,7 @@ from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
 from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
-from tmca.lab.calibration.parts import Step, StoredStep, group_of, kind_of, part_of
+from tmca.lab.calibration.parts import StatedStep, StoredStep, group_of, kind_of, part_of
 from tmca.lab.calibration.sensor import corrected, defects
 from tmca.lab.frames import Array, check_size
 from tmca.lab.notes import date_of_frames, parsed_date
@@ -232,7 +232,7 @@ class _About1(Attributes):
 
     camera: _Camera
     created: str
-    steps: dict[str, Step]
+    steps: dict[str, StatedStep]
 
 
 def _read(path: Path, data: xr.Dataset) -> Calibration:

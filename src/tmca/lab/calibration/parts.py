@@ -74,18 +74,18 @@ _SIZES = {"axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}
 _REMEDY = "take an unchanged copy, or measure it again"
 
 
-class Source(Attributes):
+class _Source(Attributes):
     """A file that a part was measured from; its path is a note, never opened."""
 
     path: str
     sha256: str | None = None
 
 
-class Step(Attributes):
+class StatedStep(Attributes):
     """What a step says of itself, in the JSON file of version 0.1."""
 
     residuals: dict[str, float | None]
-    sources: list[Source]
+    sources: list[_Source]
     settings: dict[str, FiniteJson]
     measured: str
 
@@ -94,7 +94,7 @@ class StoredStep(Attributes):
     """The same as attributes of a group."""
 
     residuals: Json[dict[str, float | None]]
-    sources: Json[list[Source]]
+    sources: Json[list[_Source]]
     settings: Json[dict[str, FiniteJson]]
     measured: str
 
