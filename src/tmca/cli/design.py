@@ -13,7 +13,7 @@ from tmca.cli.cameras import BENCH, READING, group
 from tmca.cli.options.numbers import Whole, size, whole_numbers
 from tmca.cli.options.output import check_figure
 from tmca.cli.progress import cell_done, progress_bar
-from tmca.errors import DataError, TmcaError
+from tmca.errors import DataError, SettingError, TmcaError
 from tmca.specs import (
     CodeSearchSpec,
     CubeReading,
@@ -194,7 +194,11 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         described = spec_of(SheetSpec, {name: value for name, value in stored.items() if value is not None})
     except TmcaError as error:
         raise DataError(file or "sensor", f"{error.where} = {error.found}", error.expected, error.remedy) from error
-    return SensorSheet(**{**described.given(), **options.given()})
+    try:
+        return SensorSheet(**{**described.given(), **options.given()})
+    except SettingError as error:
+        where = error.where if file is None else f"{error.where} (of {file} and options)"
+        raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
 def _say(report: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:

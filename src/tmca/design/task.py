@@ -20,7 +20,7 @@ from tmca.design.expected_error import TileMse, design_model
 from tmca.design.kinds import designable
 from tmca.design.search import Design, Effort, decibels, search
 from tmca.design.transfer import Examples
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 
@@ -190,7 +190,10 @@ def load_examples(folder: Path, views: Sequence[int] | None = None) -> Examples:
     stored = _examples(folder / "examples.json")
     scenes = {name: GaussianPrior.load(folder / f"scene-{name}.nc") for name in stored.areas}
     bands = next(iter(scenes.values())).wavelengths
-    one = designable("static", 1, (8, 8), **camera_arguments(bands or (), views))
+    try:
+        one = designable("static", 1, (8, 8), **camera_arguments(bands or (), views))
+    except SettingError as error:
+        raise DataError(folder, f"examples of no camera ({error.where}: {error.found:.100})", error.expected) from None
     with torch.no_grad():
         return Examples(design_model(one.taps()), scenes, stored.areas, stored.peaks)
 
