@@ -156,7 +156,8 @@ class Calibration:
         groups = {"/": xr.Dataset(attrs={k: json.dumps(plain(v)) for k, v in about.items()})}
         groups |= {name: group_of(name, part, self.about["steps"][name]) for name, part in self.parts.items()}
         with atomic_path(path) as temporary:
-            xr.DataTree.from_dict(groups).to_netcdf(temporary, engine="h5netcdf")
+            # HDF5 can crash the process when a write fails under it, so it only writes to memory
+            temporary.write_bytes(xr.DataTree.from_dict(groups).to_netcdf(None, engine="h5netcdf"))
         return Calibration(self.parts, {**about, "steps": self.about["steps"]}, path)
 
 
