@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_nothing_half_written(capsys, tmp_path, monkeypatch):
     def full(*arguments, **options):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("os.replace", full)
+    monkeypatch.setattr("tmca.data.atomic._place", full)
     line = refused(capsys, *shlex.split(TAKE), "--out", "s.nc", "--no-figures")
     assert "s.nc" in line
     assert "space" in line.lower()
