@@ -201,16 +201,16 @@ def _fit(
     from sklearn.decomposition import MiniBatchDictionaryLearning
     from sklearn.exceptions import ConvergenceWarning
 
-    random = np.random.default_rng(seed)
+    generator = np.random.default_rng(seed)
     lengths = np.linalg.norm(inside, axis=1)
     scarce = bool(atoms > np.count_nonzero(lengths))
-    first = random.choice(len(inside), atoms, replace=scarce, p=lengths / lengths.sum())
+    first = generator.choice(len(inside), atoms, replace=scarce, p=lengths / lengths.sum())
     learner = MiniBatchDictionaryLearning(
         atoms, alpha=penalty, batch_size=batch, fit_algorithm="cd", dict_init=inside[first] / lengths[first, None],
         random_state=seed, transform_max_iter=_SWEEPS,
     )  # fmt: skip
     cuts = range(batch, len(inside), batch)
-    batches = [part for _ in range(passes) for part in np.split(random.permutation(len(inside)), cuts)]
+    batches = [part for _ in range(passes) for part in np.split(generator.permutation(len(inside)), cuts)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # codes need not be exact while atoms are still moving
         for done, part in enumerate(batches, start=1):
