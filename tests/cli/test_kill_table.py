@@ -80,6 +80,7 @@ def whole(name, folder, bench):
 
 UNFINISHED = {
     "train": {f"trained/checkpoints/0000002/state.{end}" for end in ("json", "safetensors")},
+    "tune": {f"tuned/starts/{scene}-PLACE.npy" for scene in "ab"},
 }
 """Files that a command deletes again."""
 

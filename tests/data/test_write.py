@@ -103,6 +103,20 @@ def test_text_and_json_are_as_safe(tmp_path, full_disk):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
+def test_a_file_of_a_folder_on_a_full_disk_is_told_by_its_name_to_be(tmp_path, full_disk):
+    full_disk()
+
+    def write():
+        with atomic_path(tmp_path / "folder") as temporary:
+            temporary.mkdir()
+            write_json({"a": 1}, temporary / "a.json")
+
+    with pytest.raises(OutputError, match="full disk") as caught:
+        write()
+    assert caught.value.where == str(tmp_path / "folder" / "a.json")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_missing_folder_is_named(tmp_path, cube):
     with pytest.raises(OutputError, match=r"no such folder .*gone"):
         write_dataset(cube, tmp_path / "gone" / "a.nc")

@@ -67,7 +67,9 @@ COMMANDS = {
 }  # fmt: skip
 HELD = {"train", "tune", "sweep", "study", "capture", "calibrate capture", "dbd study"}
 """Those that hold their folder while they work: a second one is told at once."""
-_DATE = re.compile(r"\d{4}-\d\d-\d\dT[\d:]{6,8}(\+\d\d:\d\d)?(_\d+)?")
+_DATE = re.compile(r"\d{4}-\d\d-\d\dT[\d:]{6,8}(\+\d\d:\d\d)?([-_]\d+)?")
+_PLACED = re.compile(r"(?<=-)[0-9a-f]{16}(?=\.npy$)")
+"""Of a cached scene, by its absolute path."""
 _TIMES = re.compile(
     r"seconds|time|taken$|written|measured|created|sha256|commit|command|cpu|date|builds_on|tmca|export$|digest|source_at|_s$"
 )
@@ -100,7 +102,7 @@ def contents(folder: Path) -> dict[str, Any]:
         for file in [top] if top.is_file() else sorted(top.rglob("*")):
             name = file.relative_to(folder)
             if file.is_file() and not any(part.startswith(".") for part in name.parts):
-                left[_DATE.sub("DATE", name.as_posix())] = _opened(file)
+                left[_PLACED.sub("PLACE", _DATE.sub("DATE", name.as_posix()))] = _opened(file)
     return left
 
 

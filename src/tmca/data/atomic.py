@@ -43,7 +43,8 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
     try:
         with _workshop(path) as folder:
             temporary = folder / path.name
-            yield temporary
+            with _named(folder, path.parent):
+                yield temporary
             if not temporary.exists():
                 raise OutputError(path, "nothing written", "a complete file")
             check_target(path, overwrite)
@@ -51,6 +52,18 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
             _place(temporary, path, overwrite)
     except OSError as error:
         raise output_error(path, error) from error
+
+
+@contextmanager
+def _named(folder: Path, place: Path) -> Iterator[None]:
+    """What cannot be written in a temporary folder is told by the name that it was to have."""
+    try:
+        yield
+    except OutputError as error:
+        where = Path(error.where)
+        if not where.is_relative_to(folder):
+            raise
+        raise OutputError(place / where.relative_to(folder), error.found, error.expected, error.remedy) from error
 
 
 def check_target(path: str | Path, overwrite: bool = False) -> None:
