@@ -1,5 +1,6 @@
 """`tmca.read`, `simulate`, `evaluate`, `design_codes` and `train`: what they take, and where they say what is wrong."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -116,3 +117,31 @@ def test_the_sheet_of_a_sensor_is_what_it_says():
 
     sensor = tmca.Sensor(full_well=1000, read_noise_electrons=2, bits=10)
     assert _sheet(sensor).sensor().settings() == sensor.settings()
+
+
+def test_the_truth_of_another_scene_is_told(tmp_path):
+    path = tmca.reconstruct(taken(), "tikhonov").save(tmp_path / "e.nc")
+    other = tmca.read("rocket", size=SIZE, bands=4)
+    CUBE.to_dataset(name="radiance").to_netcdf(tmp_path / "copy.nc", engine="h5netcdf")
+    for truth in (other, "rocket"):
+        with pytest.warns(SceneWarning, match="truth: rocket is beside a snapshot of coffee") as told:
+            tmca.evaluate(path, truth)
+        assert len(told) == 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for truth in (CUBE, CUBE.values, "coffee", tmp_path / "copy.nc"):
+            tmca.evaluate(path, truth)
+
+
+def test_an_estimate_far_from_light_is_told():
+    stored = estimated().to_xarray()
+    values = stored["estimate"].values
+    values[:] = 0.5
+    share = values.size // 100
+    values.reshape(-1)[: 2 * share] = [-0.6, 1.6] * share
+    with pytest.warns(SceneWarning, match=r"estimate: 2% of the values are below -0\.5 or above 1\.5"):
+        tmca.evaluate(stored, CUBE)
+    values.reshape(-1)[share:] = 0.5
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        tmca.evaluate(stored, CUBE)

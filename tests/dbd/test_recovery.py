@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from functools import cache, partial
 
@@ -10,7 +11,7 @@ import pytest
 
 from tests.dbd.loops import noise, samples
 from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
-from tmca.dbd.model import SameSignals
+from tmca.dbd.model import LittleExplained, SameSignals
 from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
 
@@ -248,3 +249,25 @@ def test_neither_import_nor_solution_loads_torch():
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert told.stdout.split() == []
+
+
+@pytest.mark.parametrize("snr_db", [None, 20.0])
+def test_samples_that_the_bases_hardly_reach_are_told(snr_db):
+    problem = simulate(M=9, P=3, J=2, targets=1, paths=0, seed=1, snr_db=snr_db)
+    silent = np.abs(np.arange(9) - 4) > 1
+    one = problem.sources[0]
+    narrow = replace(problem, sources=(Source("radar", np.where(silent[:, None], 0, one.rows), one.message),))
+    left = np.linalg.norm(problem.y[..., silent]) ** 2 / np.linalg.norm(problem.y) ** 2
+    for given, known in ((narrow, r"\d% at most"), (replace(narrow, sigma=None), "unknown")):
+        with pytest.warns(LittleExplained, match=rf"energy \(noise: {known}\)") as told:
+            recovery = solve(given, certify=False)
+        assert recovery.residual**2 >= left > 0.5
+        assert f"{recovery.residual**2:.0%} of the samples' energy" in str(told[0].message)
+
+
+@pytest.mark.parametrize(("snr_db", "sigma"), [(20, "known"), (20, None), (-20, "known")])
+def test_good_samples_and_those_that_may_be_noise_alone_are_not_told_of(snr_db, sigma):
+    problem = simulate(M=9, P=3, J=2, targets=1, paths=0, seed=1, snr_db=snr_db)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", LittleExplained)
+        solve(replace(problem, sigma=problem.sigma if sigma else None), certify=False)

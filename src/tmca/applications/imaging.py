@@ -15,7 +15,8 @@ from tmca.applications.base import APPLICATIONS, Application, application_of, no
 from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
-from tmca.data.in_memory import check_light
+from tmca.data.in_memory import check_light, warn_of_estimate
+from tmca.data.scene_names import compare_scene
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
 
@@ -141,6 +142,9 @@ def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene, **readi
         DataError, ShapeError: a truth that is smaller than the estimate, or has fewer bands, or values that are not
             finite; an estimate of several snapshots, which are evaluated one by one.
         SettingError: no estimate.
+
+    Warns:
+        SceneWarning: a truth of another name than the scene that is noted, or an estimate far outside 0 to 1.
     """
     return evaluation_of(estimate, truth, **reading).metrics
 
@@ -176,9 +180,11 @@ def evaluation_of(
         for name in {} if isinstance(estimate, str | Path) else reading:
             raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")
         labelled = application.scene(truth, camera, "truth")
+        compare_scene(stored.attrs, str(labelled.attrs.get("name") or stored.attrs.get("scene", "")))
         scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)
+    warn_of_estimate(parts["values"], where)
     return Evaluation(application, camera, stored, scene, application.metrics(parts, scene, camera))
 
 

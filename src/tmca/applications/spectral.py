@@ -13,6 +13,7 @@ from tmca.applications.base import Application
 from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.cameras import SpectralCamera
+from tmca.data.scene_names import compare_scene
 from tmca.errors import DataError
 from tmca.sensor import Sensor, band_wavelengths
 
@@ -145,6 +146,7 @@ class SpectralApplication(Application):
         self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
     ) -> xr.DataArray:
         """See ``Application``; of all bands of the source the nearest ones."""
+        compare_scene(notes, source)
         return self.fitted(self.read(source, bands=None, **reading), camera, source)  # type: ignore[arg-type]
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.DataArray, camera: Any) -> dict[str, float]:
@@ -156,6 +158,7 @@ class SpectralApplication(Application):
     def stored(self, path: str, **reading: Any) -> xr.Dataset:
         """See ``Application``; any cube is one. Given wavelengths are those of a file without its own."""
         from tmca.data import Negative, read
+        from tmca.data.formats.opening import open_contents
 
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
@@ -166,7 +169,9 @@ class SpectralApplication(Application):
             cube = read(path, wavelengths=reading["wavelengths"], negative=negative)
         if cube.attrs.get("scale_from") == "maximum":  # an estimate may be above 1
             cube = cube * cube.attrs["scale"]
-        return cube.to_dataset(name="estimate")
+        with open_contents(path) as contents:
+            noted = {name: contents.attrs[name] for name in ("scene", "real_capture") if name in contents.attrs}
+        return cube.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
         """See ``Application``."""

@@ -62,6 +62,7 @@ def reconstruct(
     from tmca.applications import application_of, evaluate
     from tmca.applications.imaging import metric_notes
     from tmca.applications.pictures import estimate_files, estimate_pictures
+    from tmca.data.in_memory import warn_of_estimate
     from tmca.decoders import decode
     from tmca.lab.calibration.apply import load_snapshot
 
@@ -78,6 +79,8 @@ def reconstruct(
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         estimate = decode(taken, decoder, prior=prior_file, progress=progress, **settings)
     metrics = {} if scene is None else evaluate(estimate, scene)
+    if scene is None:
+        warn_of_estimate(estimate.values.numpy(force=True), "estimate")
     estimate.notes |= metric_notes(metrics)
     written = [estimate.save(target, overwrite=output.overwrite)]
     if output.figures:

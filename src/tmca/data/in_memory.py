@@ -16,10 +16,12 @@ if TYPE_CHECKING:
 
 _VIEWS = ("view_v", "view_u", "y", "x")
 _CUBE = ("wavelength", "y", "x")
+_FAR, _FAR_SHARE = 0.5, 0.01
+"""Beyond black or white by which an estimate is far from any scene, and the share of its values that may be."""
 
 
 class SceneWarning(UserWarning):
-    """What is odd about a scene, said when it is read or simulated."""
+    """What is odd about a scene, said when it is read, simulated or estimated."""
 
 
 def as_cube(scene: Any, where: str = "scene") -> xr.DataArray:
@@ -96,6 +98,23 @@ def check_light(light: xr.DataArray, where: str, least: float = 0.0) -> None:
         raise DataError(where, f"values down to {low:g}", "relative irradiance, 0 or more", "set them to 0")
     if least == 0 and high > 1:
         warn(f"{where}: values up to {high:.3g}, of which 1 is white", SceneWarning, stacklevel=4)
+
+
+def warn_of_estimate(values: np.ndarray, where: str) -> None:
+    """Warn of an estimate of relative irradiance that is often far from any.
+
+    Args:
+        values: of the estimate, any shape.
+        where: its name.
+
+    Warns:
+        SceneWarning: more than a hundredth of the values below −0.5 or above 1.5.
+    """
+    share = float(((values < -_FAR) | (values > 1 + _FAR)).mean())
+    if share > _FAR_SHARE:
+        found = f"{share:.0%} of the values are below {-_FAR:g} or above {1 + _FAR:g}"
+        hint = "does the decoder fit the camera, its noise and its scale?"
+        warn(f"{where}: {found}, of which 0 is black and 1 white; {hint}", SceneWarning, stacklevel=3)
 
 
 def _found(scene: Any) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
+from typing import Any
 from warnings import warn
 
 from tmca.data.files import write_text
 from tmca.data.formats.limits import read_text
+from tmca.data.formats.opening import open_contents
 from tmca.data.in_memory import SceneWarning as SceneWarning
 from tmca.data.rendering import is_rendered
 from tmca.data.rgbd import rgbd_sources
@@ -57,6 +59,27 @@ def compare_source(source: str, truth: str) -> None:
     """
     if Path(source).stem != Path(truth).stem:
         warn(f"truth: {truth} is beside a snapshot of {source}; is that the same scene?", SceneWarning, stacklevel=3)
+
+
+def compare_scene(notes: Mapping[str, Any], truth: str) -> None:
+    """Warns where a truth is named otherwise than the scene in the notes of a snapshot, unless its file says that it is
+    that scene. Scenes of real captures have names of their own.
+
+    Warns:
+        SceneWarning: their names differ.
+    """
+    noted = str(notes.get("scene", ""))
+    if not noted or notes.get("real_capture") or {noted, Path(noted).stem} & {truth, Path(truth).stem}:
+        return
+    if not (Path(truth).exists() and noted in _said_names(truth)):
+        compare_source(noted, truth)
+
+
+def _said_names(file: str) -> list[str]:
+    """What a file and its arrays say that they show."""
+    with open_contents(file) as contents:
+        about = [contents.attrs, *(array.attrs for array in contents.arrays.values())]
+        return [str(one[key]) for one in about for key in ("name", "scene") if key in one]
 
 
 MANIFEST = "MANIFEST.sha256"

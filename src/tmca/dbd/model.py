@@ -251,6 +251,10 @@ class SameSignals(UserWarning):
     """Whatever one source sends, another can send too."""
 
 
+class LittleExplained(UserWarning):
+    """Paths that leave most of the samples unexplained."""
+
+
 def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
     """Why no convex method can succeed with so many paths, or None.
 

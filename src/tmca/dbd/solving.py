@@ -14,7 +14,16 @@ from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
-from tmca.dbd.model import BeyondFreedom, Complex, Problem, SameSignals, ambiguities, beyond_freedom, same_signals
+from tmca.dbd.model import (
+    BeyondFreedom,
+    Complex,
+    LittleExplained,
+    Problem,
+    SameSignals,
+    ambiguities,
+    beyond_freedom,
+    same_signals,
+)
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
 from tmca.errors import SettingError, check_choice, check_range
@@ -23,6 +32,8 @@ METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
 _TOUCHES = (0.97, 0.99, 0.997, 0.999)
 """Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
+_LITTLE, _SIGMAS = 0.5, 5.0
+"""Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
 _CLARABEL_BYTES = 550.0
@@ -64,6 +75,10 @@ def solve(
 
     Raises:
         SettingError: an unknown method, weights that do not fit, a size beyond the method's memory.
+
+    Warns:
+        SameSignals, BeyondFreedom: problems that have no unique answer.
+        LittleExplained: a recovery that leaves half of the signal or more.
     """
     began = time.perf_counter()
     check_choice("method", method, METHODS)
@@ -82,7 +97,19 @@ def solve(
     else:
         _check_dual(problem, method, gram, solver)
         solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
-    return _recovery(problem, method, solution, certify, began)
+    recovery = _recovery(problem, method, solution, certify, began)
+    _warn_of_little(problem, recovery.residual)
+    return recovery
+
+
+def _warn_of_little(problem: Problem, left: float) -> None:
+    """Warn of a relative residual beyond what is known to be noise, with half of all other energy in it or more."""
+    samples, power = problem.y.size, float(np.linalg.norm(problem.y)) ** 2
+    noise = (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
+    if left**2 > noise + _LITTLE * (1 - noise):
+        known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
+        line = f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
+        warnings.warn(f"{line}: are bases, messages and sigma those of y?", LittleExplained, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:

@@ -17,7 +17,7 @@ from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_
 from tmca.lab.frames import check_size
 from tmca.lab.notes import SATURATED
 from tmca.lab.prototype import CodedPair, PixelShutter, SingleDisperser
-from tmca.lab.quality import Limit, Limits, warn_of
+from tmca.lab.quality import Limit, Limits, warn_of, warn_of_saturation
 from tmca.lab.registering import overlapping, registered
 from tmca.sensor import Sensor
 
@@ -129,7 +129,10 @@ def marked(
             raise SettingError("--withhold-saturated", "no saturation in the prototype", "its value", remedy)
         return taken
     taken.notes |= {PIXELS: int(gone.sum()), SATURATED: float(gone.mean()), WITHHELD: int(withhold)}
-    return without_pixels(taken, torch.from_numpy(gone)) if withhold else taken
+    if withhold:
+        return without_pixels(taken, torch.from_numpy(gone))
+    warn_of_saturation(taken.notes["source"], float(gone.mean()), "withhold them (--withhold-saturated)", stacklevel=4)
+    return taken
 
 
 def import_capture(
@@ -141,7 +144,8 @@ def import_capture(
     noise: float | None = None,
     withhold_saturated: bool = False,
 ) -> Snapshot[SpectralCamera]:
-    """A real capture with the camera that took it; warns of one that is dark or in other numbers than its prototype's.
+    """A real capture with the camera that took it; warns of one that is dark, saturated or in other numbers than its
+    prototype's.
 
     Args:
         capture: file of the capture.

@@ -45,3 +45,9 @@ def warn_of(source: object, residuals: Mapping[str, float], limits: Limits) -> N
     """A warning for every residual beyond its limit."""
     for line in doubts(residuals, limits):
         warnings.warn(f"{source}: {line}", Doubtful, stacklevel=3)
+
+
+def warn_of_saturation(source: object, share: float, hint: str, stacklevel: int = 3) -> None:
+    """A warning of saturated pixels, where there are any: their share and what to do."""
+    if share:
+        warnings.warn(f"{source}: {share:.2%} of the pixels are saturated: {hint}", Doubtful, stacklevel=stacklevel)

@@ -14,6 +14,7 @@ from tmca.decoders.space_time import frame_operator
 from tmca.errors import DataError, SettingError
 from tmca.lab.importing import import_capture, without_pixels
 from tmca.lab.prototype import load_prototype
+from tmca.lab.quality import Doubtful
 
 
 def prototype(folder, **described):
@@ -47,7 +48,9 @@ def shuttered(folder, saturation, size=(6, 7)):
 def test_withheld_pixels_see_nothing_and_all_others_what_they_saw(tmp_path, make, saturation, size):
     (capture, mask), own, values = make(tmp_path, saturation, size)
     how = {"name": "one"} if mask is None else {}
-    kept = import_capture(capture, own, mask, **how)
+    with pytest.warns(Doubtful, match=f"{(values >= saturation).mean():.2%} of the pixels are saturated") as told:
+        kept = import_capture(capture, own, mask, **how)
+    assert len(told) == 1
     gone = import_capture(capture, own, mask, **how, withhold_saturated=True)
     bad = values >= saturation
     assert 0 < bad.sum() < bad.size

@@ -98,7 +98,6 @@ def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
 
 def _say(target: Path, out: Path, captured: Any, as_json: bool) -> None:
     from tmca.lab.acquisition.captures import said_sources
-    from tmca.lab.notes import SATURATED
 
     shape = [int(n) for n in captured.values.shape[-2:]]
     if as_json:
@@ -108,6 +107,4 @@ def _say(target: Path, out: Path, captured: Any, as_json: bool) -> None:
     print(f"{target}: {shape[0]}×{shape[1]} pixels of {captured.notes['device']}, frames in {out}")
     if taken_from := said_sources(out):
         print(f"frames were taken from: {taken_from}")
-    if share := captured.notes[SATURATED]:
-        print(f"{share:.2%} of the pixels are saturated, and what they say is wrong; expose for less time")
     print(f"reconstruct it with: tmca reconstruct {target}")

@@ -60,6 +60,5 @@ def import_(
     size = f"{camera.size[0]}×{camera.size[1]} pixels, {camera.bands} bands, {camera.slots} slots"
     print(f"{out}: {notes['scene']}, {size}")
     print(f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture")
-    if share := notes.get(SATURATED):
-        what = "withheld" if withhold_saturated else "kept; --withhold-saturated takes them out"
-        print(f"  {share:.2%} of the pixels are saturated, and {what}")
+    if withhold_saturated and (share := notes.get(SATURATED)):
+        print(f"  {share:.2%} of the pixels are saturated, and withheld")

@@ -38,6 +38,7 @@ from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import check_export, device_of, exposed_whole, read_export, read_manifest
 from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, DRIVER, GAIN, SATURATED, WHITE
+from tmca.lab.quality import warn_of_saturation
 from tmca.sensor import Sensor
 
 _SAME_SURFACE = 1e-10
@@ -161,6 +162,9 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     Raises:
         DataError: frames that are missing or changed, of another size than the camera's, or of another export; codes
             that are not the camera's.
+
+    Warns:
+        Doubtful: saturated pixels.
     """
     record, place = read_captures(folder), Path(folder)
     if not is_of(record, export):
@@ -184,7 +188,9 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     camera = _with_noise(camera, float(how["gain"]) * _read_noise(series[DARK], repeats, opened, camera), alike)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
-    about |= {SATURATED: float(reached.double().mean()), WHITE: camera.full_scale if whole else camera.white}
+    share = float(reached.double().mean())
+    warn_of_saturation(folder, share, "what they say is wrong; expose for less time")
+    about |= {SATURATED: share, WHITE: camera.full_scale if whole else camera.white}
     about |= {AVERAGED: alike * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
     about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
     return Snapshot(values[None].float(), camera, about)
