@@ -82,7 +82,7 @@ def test_a_write_that_the_system_stops_leaves_the_old_file_whole(cube, tmp_path,
 
 
 def test_a_small_picture_that_the_system_stops_is_no_picture(tmp_path):
-    cube = label(np.zeros((2, 8, 8), np.float32), [500e-9, 600e-9])
+    cube = label(np.zeros((1, 16, 16), np.float32), [500e-9])
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (700, hard))
     try:
