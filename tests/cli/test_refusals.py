@@ -36,7 +36,7 @@ REFUSED = {
         "--slotz 4": ("--slotz", "--slots"),
         "--slots many": ("--slots", "many"),
         "--slots 1.5": "--slots: found 1.5, expected a whole number",
-        "--slots 1000000000": "GiB",
+        "--slots 1000000000": "at most 1024",
         "--shutter onehot": ("onehot", "one-hot"),
         "--aperture nope": ("--aperture", "one-hot"),
         "--preset tesis": ("tesis", "thesis"),

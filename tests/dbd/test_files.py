@@ -96,6 +96,15 @@ def test_archives_without_samples_are_named(tmp_path, content):
     assert caught.value.where == str(tmp_path / "x.npz")
 
 
+def test_arrays_beyond_what_may_be_loaded_are_not(tmp_path, monkeypatch):
+    radar = plain().sources[0]
+    arrays = {"y": plain().y[0], "basis_radar": radar.rows[0], "message_radar": np.zeros(10**6, np.int64)}
+    np.savez_compressed(tmp_path / "large.npz", **arrays)
+    monkeypatch.setenv("TMCA_MAX_READ", "1MB")
+    with pytest.raises(DataError, match=r"large\.npz: found samples and bases, 8 MB in .*TMCA_MAX_READ"):
+        load_problem(tmp_path / "large.npz")
+
+
 @pytest.mark.parametrize("broken", ["sigma", "part", "units", "message", "order", "kind", "text", "missing"])
 def test_broken_problems_are_named(tmp_path, broken):
     path = save_problem(plain(), tmp_path / "p.nc")

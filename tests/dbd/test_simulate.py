@@ -123,9 +123,13 @@ def test_bases_are_of_unit_power_and_full_rank(kind):
     ("where", "given"),
     [
         ("M", {"M": 0}),
+        ("M", {"M": 10**12}),
         ("P", {"P": -1}),
         ("antennas", {"antennas": 0}),
         ("targets and paths", {"targets": 0, "paths": 0}),
+        ("targets and paths", {"targets": 10**9}),
+        *(("numbers of the bases", {one: 10**9}) for one in ("P", "J", "antennas")),
+        ("numbers of the bases", {"M": 200, "P": 300, "messages": "dense"}),
         ("targets", {"targets": -1}),
         ("targets", {"targets": 1.5}),
         ("snr_db", {"snr_db": float("nan")}),

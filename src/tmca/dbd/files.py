@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from pydantic import Field
 
 from tmca.attributes import Attributes, attributes_of
 from tmca.data import read_dataset, write_dataset
+from tmca.data.formats.arrays import npz_heads
+from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
 from tmca.dbd.recovery import Recovery
@@ -181,17 +184,18 @@ def _real(path: Path, dataset: Any, name: str) -> Any:
 
 def _npz_arrays(path: Path) -> dict[str, Any]:
     """The arrays of a user's file, none of which may mean nothing."""
-    with whole_file(path, ".npz of plain arrays", "np.savez(path, y=…, basis_radar=…, …)"):
-        loaded = np.load(path, allow_pickle=False)
-        arrays = dict(loaded) if hasattr(loaded, "files") else {}
-    names = [name.removeprefix("basis_") for name in arrays if name.startswith("basis_")]
-    if "y" not in arrays or not names:
-        raise DataError(path, ", ".join(arrays) or "nothing", "y and one basis_NAME or more")
-    unknown = [name for name in arrays if name not in _NPZ and name.split("_", 1)[-1] not in names]
+    heads = npz_heads(path)
+    names = [name.removeprefix("basis_") for name in heads if name.startswith("basis_")]
+    if "y" not in heads or not names:
+        raise DataError(path, ", ".join(heads) or "nothing", "y and one basis_NAME or more")
+    unknown = [name for name in heads if name not in _NPZ and name.split("_", 1)[-1] not in names]
     if unknown:
         known = f"{', '.join(_NPZ)}, and basis_, message_ and weight_NAME of a source"
         raise DataError(path, ", ".join(unknown), known)
-    return arrays
+    check_bytes(path, "samples and bases", sum(prod(shape) * dtype.itemsize for shape, dtype in heads.values()))
+    remedy = "np.savez(path, y=…, basis_radar=…, …)"
+    with whole_file(path, ".npz of plain arrays", remedy), np.load(path, allow_pickle=False) as loaded:
+        return {name: loaded[name] for name in heads}
 
 
 def _from_arrays(arrays: dict[str, Any]) -> Problem:

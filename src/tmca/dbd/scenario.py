@@ -19,13 +19,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tmca.dbd.model import LIGHT_M_S, Complex, Problem, Real, Source, Truth, Units
-from tmca.dbd.simulation import carriers, message_source, noisy, overlaid, unit_vector
+from tmca.dbd.simulation import MOST_FREQUENCIES, MOST_NUMBERS, carriers, message_source, noisy, overlaid, unit_vector
 from tmca.errors import DataError, SettingError, TmcaError, check_range
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
-_FREQUENCIES, _NUMBERS = 2048, 2**25
-"""Most frequencies, and most complex numbers of a basis (0.5 GB)."""
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 
@@ -171,8 +169,12 @@ class Scenario:
         """Samples and bases fit in memory, before anything is made of them."""
         frequencies = self.bandwidth_hz * self.useful_s
         remedy = "take a smaller bandwidth or a shorter interval"
-        check_range("bandwidth_hz times useful_s", frequencies, high=_FREQUENCIES, unit="frequencies", remedy=remedy)
-        check_range("samples of the bases", self.bases, high=_NUMBERS, remedy="take fewer pulses, antennas or unknowns")
+        check_range(
+            "bandwidth_hz times useful_s", frequencies, high=MOST_FREQUENCIES, unit="frequencies", remedy=remedy
+        )
+        check_range(
+            "samples of the bases", self.bases, high=MOST_NUMBERS, remedy="take fewer pulses, antennas or unknowns"
+        )
 
     @property
     def bases(self) -> float:

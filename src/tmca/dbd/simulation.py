@@ -17,6 +17,9 @@ MESSAGES = ("shared", "block", "dense")
 Several = int | Sequence[int]
 _RATIOS = "a whole number, or one over a whole number"
 _TRIES = 20_000
+MOST_FREQUENCIES, MOST_NUMBERS = 2048, 2**25
+"""Most frequencies, and most complex numbers of a basis (0.5 GB)."""
+_MOST_PATHS = 1000
 
 
 def simulate(
@@ -64,7 +67,8 @@ def simulate(
         The problem; its noise level is known to it.
 
     Raises:
-        SettingError: sizes that are not positive, points that do not fit, SNR that is no number.
+        SettingError: sizes that are not positive or beyond what any receiver has, points that do not fit, SNR that is
+            no number.
     """
     for name, size in {"M": M, "P": P, "J": J, "antennas": antennas}.items():
         check_range(name, size, 1, whole=True)
@@ -79,6 +83,11 @@ def simulate(
     if not np.isfinite(float(symbol_ratio)):
         raise SettingError("symbol_ratio", f"{symbol_ratio}", _RATIOS)
     ratio = Fraction(symbol_ratio).limit_denominator(64)
+    check_range("M", M, high=MOST_FREQUENCIES)
+    check_range("targets and paths", sum(radars + links), high=_MOST_PATHS)
+    unknowns = J * (P + 1 if messages == "dense" or late_samples else ratio.denominator)
+    numbers = M * P * max(unknowns, antennas * max(radars + links))
+    check_range("numbers of the bases", numbers, high=MOST_NUMBERS, remedy="take fewer of M, P, J, antennas or paths")
     if ratio != 1 and messages != "shared":
         remedy = "leave one of them out"
         raise SettingError("symbol_ratio", f"{ratio} with {messages} messages", "messages of a pulse each", remedy)

@@ -25,7 +25,7 @@ LARGEST = 8 * 2**30
 """Bytes of the tensors that a graph may need at once."""
 OPERATORS = frozenset(
     {
-        "_assert_tensor_metadata", "abs", "add", "add_", "addcdiv", "addcmul", "addcmul_", "amax", "amin",
+        "_assert_tensor_metadata", "abs", "add", "add_", "addcdiv", "addcmul", "addcmul_", "alias", "amax", "amin",
         "avg_pool2d", "batch_norm", "bmm", "cat", "chunk", "clamp", "clamp_max", "clamp_min", "clone",
         "contiguous", "conv2d", "conv_transpose2d", "cos", "detach", "detach_", "div", "div_", "dropout",
         "einsum", "exp", "expand", "flatten", "flip", "full", "full_like", "ge", "gelu", "group_norm", "gt",

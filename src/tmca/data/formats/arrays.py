@@ -51,11 +51,15 @@ def open_npy(path: Path) -> Contents:
 @reads(".npz")
 def open_npz(path: Path) -> Contents:
     """The arrays of a ``.npz``, each loaded when it is asked for; Python objects are refused."""
-    return Contents(path, "NumPy", {name: _member(path, name, *head) for name, head in _heads(path).items()})
+    return Contents(path, "NumPy", {name: _member(path, name, *head) for name, head in npz_heads(path).items()})
 
 
-def _heads(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
-    """Name → shape and type of the arrays of a ``.npz``."""
+def npz_heads(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:
+    """Name → shape and type of the arrays of a ``.npz``, none of which is loaded.
+
+    Raises:
+        DataError: no such file, or a damaged one.
+    """
     heads = {}
     with whole_file(path, NUMPY), zipfile.ZipFile(path) as packed:
         for entry in packed.namelist():
