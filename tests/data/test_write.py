@@ -36,7 +36,6 @@ def full_disk(monkeypatch):
     def switch_on():
         monkeypatch.setattr(Path, "write_bytes", fail)
         monkeypatch.setattr(Path, "write_text", fail)
-        monkeypatch.setattr(tifffile, "imwrite", lambda path, *args, **kwargs: fail(path, b"half a file"))
         monkeypatch.setattr(xr.Dataset, "to_zarr", lambda self, path, **kwargs: (path.mkdir(), fail(path / "a", b"")))
 
     return switch_on
@@ -80,6 +79,18 @@ def test_a_write_that_the_system_stops_leaves_the_old_file_whole(cube, tmp_path,
         save(label(pixels, cube.wavelength.values), path, overwrite=True)
     xr.testing.assert_equal(read(path), cube)
     assert os.listdir(tmp_path) == [path.name]
+
+
+def test_a_small_picture_that_the_system_stops_is_no_picture(tmp_path):
+    cube = label(np.zeros((1, 16, 16), np.float32), [500e-9])
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (700, hard))
+    try:
+        with pytest.raises(OutputError, match=r"a\.tif: .*size limit"):
+            write_tiff(cube, tmp_path / "a.tif")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert os.listdir(tmp_path) == []
 
 
 def test_a_short_write_without_the_systems_number_is_a_full_disk_too(tmp_path):

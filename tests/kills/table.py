@@ -147,6 +147,11 @@ def _plain(value: Any) -> Any:
 
 
 def left_over(folder: Path) -> list[str]:
-    """Hidden files and folders that a command left."""
+    """Hidden files and folders that a command left; an empty one in the cache stays until something is cached again."""
     tops = [file for file in folder.iterdir() if not file.is_symlink()]
-    return [file.name for top in tops for file in (top, *top.rglob("*")) if file.name.startswith(".")]
+    hidden = [file for top in tops for file in (top, *top.rglob("*")) if file.name.startswith(".")]
+    return [file.name for file in hidden if folder / "cache" not in file.parents or _bytes(file)]
+
+
+def _bytes(place: Path) -> int:
+    return sum(file.stat().st_size for file in (place, *place.rglob("*")) if file.is_file())

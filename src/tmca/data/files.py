@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tmca.arguments import checked
 from tmca.data.atomic import atomic_path
@@ -184,8 +186,6 @@ def write_tiff(cube: xarray.DataArray, path: str | Path, *, overwrite: bool = Fa
         ShapeError: not such a cube.
         OutputError: a wrong suffix, a cube above 4 GiB, or see `atomic_path`.
     """
-    import tifffile
-
     path = Path(path)
     if path.suffix.lower() not in (".tif", ".tiff"):
         raise OutputError(path, f"the suffix {path.suffix!r}", ".tif or .tiff", "rename the output")
@@ -197,5 +197,14 @@ def write_tiff(cube: xarray.DataArray, path: str | Path, *, overwrite: bool = Fa
     about = {"axes": "ZYX", "Labels": labels, "mode": "grayscale", "quantity": str(cube.attrs.get("quantity", ""))}
     with atomic_path(path, overwrite=overwrite) as temporary:
         pixels = np.ascontiguousarray(cube.values, dtype=np.float32)
-        tifffile.imwrite(temporary, pixels, imagej=True, photometric="minisblack", metadata=about)
+        temporary.write_bytes(tiff_bytes(pixels, imagej=True, photometric="minisblack", metadata=about))
     return path
+
+
+def tiff_bytes(pixels: NDArray[Any], **how: Any) -> bytes:
+    """A TIFF in memory, as `tifffile.imwrite` makes it, which would cut a small one without an error on a full disk."""
+    import tifffile
+
+    memory = io.BytesIO()
+    tifffile.imwrite(memory, pixels, **how)
+    return memory.getvalue()

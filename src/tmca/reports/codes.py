@@ -186,15 +186,15 @@ def _row(candidate: Candidate) -> dict[str, Any]:
 
 def _write_codes(camera: CodedCamera, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
     """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
-    import tifffile
-
-    from tmca.data import atomic_path
+    from tmca.data import atomic_path, tiff_bytes
 
     codes = camera.codes
     aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
     for name, tile in (("aperture", aperture), ("shutter", shutter)):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
-            tifffile.imwrite(temporary, 255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
+            temporary.write_bytes(
+                tiff_bytes(255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
+            )
     notes = {"advice": record["advice"], "sensor": record["sensor"], CODES_DATE: now()}
     period = (int(record["period"]), int(record["period"]))
     write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)

@@ -84,9 +84,11 @@ def cached_array(file: Path, compute: Callable[[], NDArray[Any]]) -> NDArray[Any
         DataError: a file that cannot be read.
     """
     if not file.exists():
-        values = compute()
+        values = np.ascontiguousarray(compute())
         with atomic_path(file, overwrite=True) as temporary, temporary.open("wb") as handle:
-            np.save(handle, values)
+            # np.save cuts a small array without an error on a full disk
+            np.lib.format.write_array_header_1_0(handle, np.lib.format.header_data_from_array_1_0(values))
+            handle.write(values.data)
     with whole_file(file, "cached array", "delete it"):
         values = np.load(file, mmap_mode="r", allow_pickle=False)
     if not isinstance(values, np.ndarray) or values.dtype.kind not in "fiu" or not values.size:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import atomic_path, checksum_of, make_folder, sole_process, write_json
+from tmca.data import atomic_path, checksum_of, make_folder, sole_process, tiff_bytes, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
@@ -130,13 +130,11 @@ def keep(
 
     The list is there before the first frame, so that whatever ends the process leaves a capture that goes on.
     """
-    import tifffile
-
     file = make_folder(folder) / f"{frame.name}.tif"
     if not (folder / CAPTURES).exists():
         write_json(record, folder / CAPTURES)
     with atomic_path(file, overwrite=True) as temporary:
-        tifffile.imwrite(temporary, values.astype(np.uint16), photometric="minisblack")
+        temporary.write_bytes(tiff_bytes(values.astype(np.uint16), photometric="minisblack"))
     taken = {"sha256": checksum_of(file), "taken": datetime.now(UTC).isoformat(timespec="seconds")}
     record["frames"][frame.name] = {"slot": frame.slot, "of": frame.of, **taken, **(about or {})}
     write_json(record, folder / CAPTURES, overwrite=True)
