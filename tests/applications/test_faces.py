@@ -121,12 +121,10 @@ def test_the_sheet_of_a_sensor_is_what_it_says():
 
 def test_the_truth_of_another_scene_is_told(tmp_path):
     path = tmca.reconstruct(taken(), "tikhonov").save(tmp_path / "e.nc")
-    other = tmca.read("rocket", size=SIZE, bands=4)
     CUBE.to_dataset(name="radiance").to_netcdf(tmp_path / "copy.nc", engine="h5netcdf")
-    for truth in (other, "rocket"):
-        with pytest.warns(SceneWarning, match="truth: rocket is beside a snapshot of coffee") as told:
-            tmca.evaluate(path, truth)
-        assert len(told) == 1
+    with pytest.warns(SceneWarning, match="truth: rocket is beside a snapshot of coffee") as told:
+        tmca.evaluate(path, "rocket")
+    assert len(told) == 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for truth in (CUBE, CUBE.values, "coffee", tmp_path / "copy.nc"):

@@ -17,7 +17,7 @@ from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
-from tmca.data.scene_names import READING, compare_scene, compare_source
+from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
 
@@ -183,8 +183,6 @@ class Application(ABC):
         """
         if noted := noted_reading(notes):
             compare_source(noted.get("source", source), source)
-        else:
-            compare_scene(notes, source)
         return self.fitted(self.read(source, **reading), camera, source)
 
     @abstractmethod

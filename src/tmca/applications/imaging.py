@@ -175,12 +175,12 @@ def evaluation_of(
         raise ShapeError(where, found, "one", remedy)
     if isinstance(truth, str | Path):
         colours = len(parts["values"]) > 1
+        compare_scene(stored.attrs, str(truth))
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
     else:
         for name in {} if isinstance(estimate, str | Path) else reading:
             raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")
         labelled = application.scene(truth, camera, "truth")
-        compare_scene(stored.attrs, str(labelled.attrs.get("name") or stored.attrs.get("scene", "")))
         scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)

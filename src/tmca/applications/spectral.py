@@ -13,7 +13,6 @@ from tmca.applications.base import Application
 from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.cameras import SpectralCamera
-from tmca.data.scene_names import compare_scene
 from tmca.errors import DataError
 from tmca.sensor import Sensor, band_wavelengths
 
@@ -146,7 +145,6 @@ class SpectralApplication(Application):
         self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
     ) -> xr.DataArray:
         """See ``Application``; of all bands of the source the nearest ones."""
-        compare_scene(notes, source)
         return self.fitted(self.read(source, bands=None, **reading), camera, source)  # type: ignore[arg-type]
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.DataArray, camera: Any) -> dict[str, float]:

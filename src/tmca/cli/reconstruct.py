@@ -63,6 +63,7 @@ def reconstruct(
     from tmca.applications.imaging import metric_notes
     from tmca.applications.pictures import estimate_files, estimate_pictures
     from tmca.data.in_memory import warn_of_estimate
+    from tmca.data.scene_names import compare_scene
     from tmca.decoders import decode
     from tmca.lab.calibration.apply import load_snapshot
 
@@ -75,6 +76,8 @@ def reconstruct(
     prior_file = _prior(decoder, camera.kind, prior, dictionary)
     asked = reading.of(application.kind)
     check_targets(estimate_files(target, camera.kind, output.figures), output.overwrite, snapshot)
+    if truth is not None:
+        compare_scene(taken.notes, truth)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         estimate = decode(taken, decoder, prior=prior_file, progress=progress, **settings)

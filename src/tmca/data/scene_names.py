@@ -62,16 +62,23 @@ def compare_source(source: str, truth: str) -> None:
 
 
 def compare_scene(notes: Mapping[str, Any], truth: str) -> None:
-    """Warns where a truth is named otherwise than the scene in the notes of a snapshot, unless its file says that it is
-    that scene. Scenes of real captures have names of their own.
+    """Warns where a truth is known to be another scene than that in the notes of a snapshot: by its name, or by what
+    its file says. Scenes of real captures have names of their own; a noted reading is compared by itself.
 
     Warns:
         SceneWarning: their names differ.
     """
     noted = str(notes.get("scene", ""))
-    if not noted or notes.get("real_capture") or {noted, Path(noted).stem} & {truth, Path(truth).stem}:
+    if (
+        not noted
+        or READING in notes
+        or notes.get("real_capture")
+        or {noted, Path(noted).stem} & {truth, Path(truth).stem}
+    ):
         return
-    if not (Path(truth).exists() and noted in _said_names(truth)):
+    said = _said_names(truth) if Path(truth).exists() else [truth]
+    known = said or ([truth] if Path(noted).suffix else [])  # a file without a name may show a rendered scene
+    if known and noted not in known:
         compare_source(noted, truth)
 
 
