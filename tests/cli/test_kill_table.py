@@ -20,6 +20,7 @@ pytestmark = pytest.mark.slow
 MOMENTS = int(os.environ.get("TMCA_KILL_MOMENTS", "1"))
 LARGEST = (0, 700, 9000) if MOMENTS > 1 else (700,)
 """Bytes of a file at most, where there is no room."""
+KILLED = [name for name in COMMANDS if MOMENTS > 1 or name != "cold cache"]
 WITH_DISK_TROUBLE = [name for name in COMMANDS if MOMENTS > 1 or name not in ("cold cache", "tune")]
 """Long ones that write as others do, ``reconstruct`` and ``train``, are only killed and run twice."""
 SIGNALS = {"SIGKILL": signal.SIGKILL, "SIGTERM": signal.SIGTERM}
@@ -92,7 +93,7 @@ UNFINISHED = {
 
 
 @pytest.mark.parametrize("signal_name", SIGNALS)
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", KILLED)
 def test_a_command_that_is_killed_leaves_whole_files_and_goes_on(bench, name, signal_name):
     """At moments spread over what it changes on the disk, and over its time, in turn."""
     number, (_, end) = SIGNALS[signal_name], bench.undisturbed(name)
@@ -167,5 +168,4 @@ def test_two_processes_at_once_leave_what_one_does(bench, name):
     assert good
     assert all(refused(end) for end in ends if end.code), [end.said for end in ends]
     assert len(good) == 1 or name not in HELD
-    assert all("going on" in end.said for end in ends if end.code and name in HELD)
     bench.complete(name, folder)

@@ -6,6 +6,7 @@ Mask, optics, noise and network are fixed in it: one input, the snapshot (1, 1, 
 
 from __future__ import annotations
 
+import io
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -289,7 +290,9 @@ def _written(
     snapshot = _random(shape, seed=0)
     with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:
         if format == "torch":
-            torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), str(temporary))
+            archive = io.BytesIO()  # torch ends the process where a write to a disk fails
+            torch.export.save(torch.export.export(decoder, (snapshot,), strict=False), archive)
+            temporary.write_bytes(archive.getvalue())
         else:
             with quiet("torch.onnx"):  # it warns of packages that no decoder uses
                 program = torch.onnx.export(
