@@ -18,7 +18,7 @@ LONGEST = 64 * 2**20
 """Bytes of a JSON file; ours are below a megabyte."""
 _NAME = 80
 """Characters of the name of an entry in a message."""
-_REMEDY = "take an unchanged copy, or correct it"
+REMEDY = "take an unchanged copy, or correct it"
 EXPECTED = {
     "missing": "it",
     "greater_than": "a number above {gt}",
@@ -145,16 +145,16 @@ def read_json(path: str | Path, kind: Any = FiniteJson, missing: str = "an exist
 def _data_error(error: ValueError, where: object, what: str) -> DataError:
     """The first thing that is wrong."""
     if not isinstance(error, ValidationError):
-        return DataError(where, f"an {what} that is no text ({error})", "texts and numbers", _REMEDY)
+        return DataError(where, f"an {what} that is no text ({error})", "texts and numbers", REMEDY)
     first = error.errors(include_url=False)[0]
     name = ".".join(str(part) for part in first["loc"])[:_NAME]
     if first["type"] == "missing":
-        return DataError(where, f"no {what} {name}", "it", _REMEDY)
+        return DataError(where, f"no {what} {name}", "it", REMEDY)
     raised = first.get("ctx", {}).get("error")
     if isinstance(raised, TmcaError):
-        return DataError(where, f"{what} {name}: {raised.where} {raised.found}", raised.expected, _REMEDY)
+        return DataError(where, f"{what} {name}: {raised.where} {raised.found}", raised.expected, REMEDY)
     found = f"{what} {name} = {described(first['input'])}" if name else _syntax(first)
-    return DataError(where, found, expected_of(first), _REMEDY)
+    return DataError(where, found, expected_of(first), REMEDY)
 
 
 def _syntax(error: ErrorDetails) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.fuzz import campaign
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.rooms import load_kinds
-from tests.fuzz.server import prepare
+from tests.fuzz.server import Verdict, prepare
 
 REGRESSIONS = Path(__file__).parent / "regressions"
 
@@ -73,7 +73,7 @@ def _report(folder: Path, jobs: int) -> int:
     for part in range(jobs):
         for said in campaign.journal(folder / f"journal-{part}-of-{jobs}.jsonl"):
             table[said["kind"]][said["end"]] += 1
-            if said["end"] not in ("read", "refused"):
+            if not Verdict(said["end"]).good:
                 failures[said["kind"], said["end"], said["text"][:90]].append(f"{said['number']} ({said['how'][:60]})")
     for name, ends in table.items():
         print(f"{name:28}", " ".join(f"{end} {count}" for end, count in sorted(ends.items())))

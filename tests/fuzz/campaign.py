@@ -20,7 +20,7 @@ import numpy as np
 
 from tests.fuzz.damage import copy, damage
 from tests.fuzz.kinds import KINDS, Kind
-from tests.fuzz.server import Verdict, judge, verdicts
+from tests.fuzz.server import READ, Verdict, judge, verdicts
 
 
 def make_seeds(folder: Path, kinds: Sequence[str]) -> None:
@@ -30,7 +30,7 @@ def make_seeds(folder: Path, kinds: Sequence[str]) -> None:
     for name in kinds:
         if not (folder / name).exists():
             (verdict,) = verdicts([partial(_made, KINDS[name], folder / name)], 120)
-            if verdict.end != "read":
+            if verdict.end != READ:
                 problems.append(f"{name}: {verdict}")
     assert not problems, "good files are not read: " + "\n".join(problems)
 
@@ -40,7 +40,7 @@ def _made(kind: Kind, path: Path) -> Verdict:
         made = Path(scratch) / path.name
         kind.make(made)
         verdict = judge(kind, made)
-        if verdict.end == "read":
+        if verdict.end == READ:
             for file in Path(scratch).iterdir():  # what lies beside it belongs to it
                 file.rename(path.parent / file.name)
     return verdict

@@ -12,7 +12,7 @@ import torch
 from pydantic import Field, Json
 from torch import Tensor
 
-from tmca.attributes import Attributes, attributes_of
+from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 Axes = Sequence[str]
 TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
-_REMEDY = "take an unchanged copy, or correct it"
 _Side = Annotated[int, Field(ge=1)]
 
 
@@ -50,11 +49,11 @@ def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
 
 def _tensor(stored: np.ndarray, where: str, name: str) -> Tensor:
     if stored.dtype.kind not in "buif":
-        raise DataError(where, f"variable {name} of type {stored.dtype}", "real numbers", _REMEDY)
+        raise DataError(where, f"variable {name} of type {stored.dtype}", "real numbers", REMEDY)
     with np.errstate(over="ignore"):
         values = torch.from_numpy(np.array(stored, dtype=np.float32))
     if not bool(torch.isfinite(values).all()):
-        raise DataError(where, f"variable {name} with values that are not finite", "finite numbers", _REMEDY)
+        raise DataError(where, f"variable {name} with values that are not finite", "finite numbers", REMEDY)
     return values
 
 
@@ -135,6 +134,6 @@ def read_codes(path: str | Path) -> CodesFile:
         raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
     for name, plane in (("aperture", aperture), ("shutter", shutter)):
         if not bool(((plane >= 0) & (plane <= 1)).all()):
-            raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", _REMEDY)
+            raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)
     period = attributes_of(CodesAttributes, stored.attrs, path).period
     return CodesFile(aperture, shutter, (period, period) if isinstance(period, int) else period or None)
