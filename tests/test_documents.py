@@ -1,13 +1,11 @@
 """Documents name what is there: tests that hold an erratum, presets."""
 
-import json
 import re
 from pathlib import Path
 
 import pytest
 
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
-from tmca.evaluation.pages.light_field import markdown
 from tmca.training import TRAININGS
 
 ROOT = Path(__file__).parents[1]
@@ -39,12 +37,3 @@ def test_every_preset_of_the_spectral_depth_camera_is_described():
     cameras, trainings = SPECTRAL_DEPTH.split("`--preset` of `tmca train spectral-depth`")
     assert all(f"`{name}`" in cameras for name in SpectralDepthCamera.presets)
     assert all(f"| `{name}` |" in trainings for name in TRAININGS["spectral-depth"].presets)
-
-
-def test_the_light_field_page_is_made_from_its_results_and_shows_its_pictures():
-    kept = ROOT / "docs" / "results" / "light-field.json"
-    results = json.loads(kept.read_text())
-    page = markdown(results)
-    for file in re.findall(r"\]\(([^)]*\.png)\)", page):
-        assert (kept.parent / file).exists()
-    assert page.count("](light-field_") == 3 * len(results["split"]["test"])

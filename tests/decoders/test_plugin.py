@@ -91,7 +91,7 @@ def test_it_is_compared(plugin, tmp_path):
     scenes = {"train": [str(tmp_path / "a.txt")], "test": [str(tmp_path / "b.txt")]}
     study = read_study("spectral").with_(scenes=scenes, reading={"bands": 3}, decoders=["backprojection"])
     found = run_study(study, tmp_path / "out", tmp_path / "work")
-    assert {row["decoder"] for row in found["rows"]} == {"backprojected"}
+    assert {row["decoder"] for row in found["rows"]} == {"backprojection"}
 
 
 @pytest.mark.parametrize(("kind", "reading"), [("spectral", {"bands": 3}), ("light-field", {"views": 3})])

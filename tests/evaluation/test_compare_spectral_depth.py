@@ -11,10 +11,9 @@ from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.data.depth_scenes import withheld_scene
-from tmca.evaluation.pages.depth_margins import learning, margins, order
-from tmca.evaluation.pages.spectral_depth import _split, markdown
+from tmca.evaluation.expected import order
+from tmca.evaluation.page import margins, markdown, sections
 from tmca.evaluation.run import Plan, run_study
-from tmca.evaluation.spectral_depth import CONSTANT
 from tmca.evaluation.study import checked_study, read_study, training_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough
@@ -65,9 +64,9 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     found = compare(tmp_path, scenes, progress=lambda done, total, name, left: begun.append(name))
     assert begun[0] == "gaussian prior"
     rows = {(row["code"], row["noise"], row["decoder"]): row for row in found["rows"]}
-    noises = {row["noise"] for row in found["rows"]} - {""}
+    noises = {row["noise"] for row in found["rows"]}
     wanted = {(code, noise, "likelihood") for code in SHOWN for noise in noises}
-    wanted |= {(code, noise, "two-headed") for code in SHOWN[1:] for noise in noises} | {(CONSTANT, "", CONSTANT)}
+    wanted |= {(code, noise, "two-headed") for code in SHOWN[1:] for noise in noises}
     assert set(rows) == wanted
     moved, start = (rows[code, "σ = 0.002", "likelihood"]["psnr"] for code in (SHOWN[2], SHOWN[0]))
     assert abs(moved - start) > 1e-3  # the learned masks are others than those they began with
@@ -80,13 +79,13 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     }  # fmt: skip
     assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN for n in noises}
     assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
-    assert all(0.3 < row["arrived"] <= 1 for row in found["rows"] if row["code"] != CONSTANT)
-    assert rows[SHOWN[0], "σ = 0.002", "likelihood"]["search_cpu_minutes"] > 0
-    assert {row["code"] for row in learning(found)} == {SHOWN[2]}
-    assert "What learning codes adds" in page
-    assert "(rendered) chose the best step" in page
-    assert "measured 100%" in page  # of its pixels have a known depth
-    guess = rows[CONSTANT, "", CONSTANT]
+    assert all(0.3 < row["arrived"] <= 1 for row in found["rows"])
+    (search,) = found["searches"]
+    assert search["seconds"] > 0
+    assert f"| {SHOWN[2]} | {SHOWN[0]} | patch likelihood |" in page.split("## Codes over others")[1]
+    assert "a rendered scene and" in page
+    guess = found["guess"]["measured"]
+    assert guess["known_depth"] == 1
     with xr.open_dataset(scenes[1]) as truth:
         inverse = 1 / truth["depth"].values
     fitted = 0.5 + 2.0 * (inverse - inverse.min()) / np.ptp(inverse)  # affine in inverse metres, onto 0.4 to 2 m
@@ -107,31 +106,39 @@ CHOSEN = {  # depth error on test scenes, PSNR, and the error that chooses
 }
 
 
+def results(rows, foretold=(), training=()):
+    study, split = SHIPPED.model_dump(mode="json"), {"test": ["a"], "real": ["a"]}
+    found = {"study": study, "rows": rows, "searches": [], "guess": {}, "foretold": [*foretold], "split": split}
+    return found | {"budget": {"training": [*training]}}
+
+
+def made(decoder, levels):
+    """Rows of depth errors and PSNR by codes."""
+    return [
+        {"code": code, "noise": "n", "decoder": decoder, "seed_depth_mae": [mae - 0.05, mae + 0.05],
+         "scenes": {"a": {"depth_mae": mae, "psnr": psnr}}}
+        for code, (mae, psnr, *_) in levels.items()
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("decoder", ["likelihood", "physics"])
 def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
-    rows = [
-        {"code": code, "noise": "n", "decoder": decoder, "depth_mae": mae, "psnr": psnr, "sam": 5.0,
-         "seed_depth_mae": [mae - 0.05, mae + 0.05]}
-        for code, (mae, psnr, _) in CHOSEN.items()
-    ]  # fmt: skip
-    rows += [{"code": CONSTANT, "noise": "", "decoder": CONSTANT, "depth_mae": 0.05, "psnr": 0.0, "sam": 5.0}]
-    judged = {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
+    rows, judged = made(decoder, CHOSEN), {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
     foretold = [{"code": code, "noise": "n", "placed": error, "flat": -error} for code, error in judged.items()]
     trained = [
-        {"code": code, "decoder": decoder, "validation": {"depth_mae": error + seed}}
+        {"code": code, "decoder": decoder, "cpu_seconds": 1.0, "best": {"depth_mae": error + seed}}
         for code, error in judged.items() for seed in (0.1, -0.1)
     ]  # fmt: skip
-    parts = {"foretold": foretold, "budget": {"training": []}}
-    parts = parts if decoder == "likelihood" else {"foretold": [], "budget": {"training": trained}}
-    (found,) = margins({"rows": rows, **parts})
-    assert (found["best"], found["static"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
-    assert found["ratio"] == pytest.approx(0.5)
-    assert found["ratios"] == "0.40, 0.57"
-    assert found["alone"] == pytest.approx(0.15 / 0.4 - 1)
-    assert found["psnr"] == pytest.approx(0.2)
-    assert found["ratio_in_hindsight"] == pytest.approx(0.1 / 0.3)
-    assert found["alone_in_hindsight"] == pytest.approx(0.1 / 0.35 - 1)
-    assert margins({"rows": rows, "foretold": [], "budget": {"training": []}}) == []
+    parts = (foretold,) if decoder == "likelihood" else ((), trained)
+    static, alone = margins(results(rows, *parts), SHIPPED)
+    assert (static["against"], alone["against"]) == ("one slot", "the mask alone")
+    assert (static["best"], static["base"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
+    assert static["gain"] == pytest.approx(0.5)
+    assert static["seeds"] == "0.40, 0.57"
+    assert alone["gain"] == pytest.approx(0.15 / 0.4)
+    assert alone["psnr"] == pytest.approx(0.2)
+    assert static["hindsight"] == pytest.approx(0.1 / 0.3)
+    assert alone["hindsight"] == pytest.approx(0.1 / 0.35)
 
 
 def test_static_rows_have_as_much_time():
@@ -151,17 +158,13 @@ def test_static_rows_have_as_much_time():
 
 
 def test_learned_codes_stand_beside_their_start_and_their_static_case():
-    made = {"TMCA optimised K = 4": (0.2, 30.0), "TMCA learned K = 4": (0.15, 31.0),
-            "diffractive element only, learned": (0.3, 29.0)}  # fmt: skip
-    rows = [
-        {"code": code, "decoder": "two-headed", "noise": "n", "depth_mae": mae, "psnr": psnr}
-        for code, (mae, psnr) in made.items()
-    ]
-    (found,) = learning({"rows": rows})
-    assert (found["code"], found["depth_mae"]) == ("TMCA learned K = 4", 0.15)
-    assert (found["start"], found["start_psnr"]) == (0.2, 1.0)
-    assert (found["static"], found["static_psnr"]) == (0.3, 2.0)
-    assert learning({"rows": rows[:1]}) == []
+    levels = {"TMCA optimised K = 4": (0.2, 30.0), "TMCA learned K = 4": (0.15, 31.0),
+              "diffractive element only, learned": (0.3, 29.0)}  # fmt: skip
+    tables = {one.title: one.table for one in sections(results(made("two-headed", levels)), SHIPPED)}
+    start, static = tables["Codes over others"]
+    assert (start["code"], start["base"]) == ("TMCA learned K = 4", "TMCA optimised K = 4")
+    assert (start["gain"], start["psnr"]) == pytest.approx((0.75, 1.0))
+    assert (static["gain"], static["psnr"]) == pytest.approx((0.5, 2.0))
 
 
 def test_the_right_order_is_one_and_the_opposite_minus_one():
@@ -170,12 +173,13 @@ def test_the_right_order_is_one_and_the_opposite_minus_one():
         measured = {"likelihood": {"depth_mae": mae, "psnr": psnr}, "physics": {"depth_mae": -mae, "psnr": psnr}}
         return {"code": code, "noise": "n", **right, "measured": measured}
 
-    first, second = order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0), told("c", 0.2, 30.0)]})
+    labels = SHIPPED.decoder_labels
+    first, second = order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0), told("c", 0.2, 30.0)]}, labels)
     right = dict.fromkeys(("confusion", "fisher", "psnr"), pytest.approx(1))
     assert first == {"noise": "n", "decoder": "patch likelihood", "codes": 3, **right,
                      "kullback_leibler": pytest.approx(-1)}  # fmt: skip
     assert (second["confusion"], second["kullback_leibler"]) == (pytest.approx(-1), pytest.approx(1))
-    assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}) == []
+    assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}, labels) == []
 
 
 @pytest.mark.slow
@@ -194,9 +198,6 @@ def test_a_withheld_scene_chooses_steps_and_teaches_nothing(tmp_path, scenes):
     own = study.evaluation.training_scenes(study.reading, scenes, [], [], study.train)
     expected = {"train": [first, *rendered[1:]], "validation": [rendered[0], last], "prior": [first], "side": 68}
     assert own == expected | {"from_rgb": False, "placed": None}
-    split = _split(study, {"train": scenes, "test": [], "names": {}, "validation": []})
-    assert split["rendered"] == {"train": rendered[1:], "validation": rendered[:1]}
-    assert split["withheld"] == "measured"
 
 
 def test_the_last_file_with_depth_is_withheld_where_another_is_left(tmp_path, scenes):

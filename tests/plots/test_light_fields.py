@@ -9,9 +9,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
-from tmca.evaluation.pages.light_field import in_pairs
-from tmca.evaluation.pages.view_margins import is_static
-from tmca.evaluation.study import read_study
 from tmca.metrics import light_field_metrics, psnr_per_view
 from tmca.plots.codes import sub_images, sub_images_figure
 from tmca.plots.light_field import disparity_figure, error_top, light_field_figure, view_psnr_figure
@@ -218,19 +215,6 @@ def test_the_maps_of_views_name_the_psnr_of_the_tables():
     estimate = truth + 0.1 * np.arange(1, 16).reshape(3, 5, 1, 1)
     title = view_psnr_figure({"a": psnr_per_view(estimate, truth)}).axes[0].get_title()
     assert f"{light_field_metrics(estimate, truth)['psnr']:.2f} dB" in title
-
-
-def test_pictures_show_static_codes_beside_their_multiplexed_partners():
-    shown = read_study("light-field").shown
-    rows = in_pairs(shown)
-    assert set(rows) == set(shown)
-    for static, multiplexed in zip(rows[::2], rows[1::2], strict=True):
-        assert is_static(static[0])
-        assert not is_static(multiplexed[0])
-        assert static[1] == multiplexed[1]
-    assert rows[0] not in in_pairs(rows[1:])
-    assert rows[1] not in in_pairs(rows[:1] + rows[2:])
-    assert in_pairs(rows[1:2]) == rows[1:2]
 
 
 @pytest.mark.parametrize(("size", "top"), [(0.004, 0.004), (0.083, 0.085), (0.9, 0.9), (1.37, 1.5), (26, 30)])

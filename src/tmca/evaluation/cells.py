@@ -128,6 +128,7 @@ class Measurement(Cell):
         options: settings of the decoder.
         prior: file; the rendered scenes' prior without.
         about: what else the camera's evaluation needs.
+        part: whether the scene is a part of one.
         save: write the estimate, for pictures.
     """
 
@@ -149,6 +150,7 @@ class Measurement(Cell):
     options: Settings = {}
     prior: str | None = None
     about: Settings = {}
+    part: bool = False
     save: bool = False
 
     def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -10,24 +10,32 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from tmca.applications.report import Section
 from tmca.cameras import LightFieldCamera
-from tmca.data import split_rendered_light_fields
-from tmca.data.fitting import centre_window
-from tmca.data.formats.stored import whole_file
-from tmca.data.light_field_scenes import RENDERED, Reading, check_asked, check_light_fields, read_middle, true_disparity
+from tmca.data import read_dataset, split_rendered_light_fields
+from tmca.data.fitting import middle_of
+from tmca.data.light_field_scenes import RENDERED, Reading, check_asked, read_middle, true_disparity
 from tmca.data.scene_names import identity_of
 from tmca.design import KINDS, designable
 from tmca.errors import SettingError
-from tmca.evaluation.camera import CameraEvaluation, Place, Settings
-from tmca.evaluation.cells import Check
+from tmca.evaluation.camera import CameraEvaluation, Lists, Place, Settings
+from tmca.evaluation.cells import Check, Measurement
+from tmca.evaluation.grid import Measured
 from tmca.evaluation.scenes import read_once
+from tmca.evaluation.tables import Column, Row, grouped
 from tmca.optics import view_grid
+from tmca.plots.light_field import centre_view, disparity_figure, light_field_figure, view_psnr_figure
+from tmca.plots.views import brightest
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
-    from tmca.evaluation.study import Code, Study, TrainStage
+    from tmca.evaluation.study import Study, TrainStage
+
+FILES = ("scale", "pattern", "lens")
+"""What is asked of light fields from files."""
 
 
 class StudyLightFieldReading(BaseModel):
@@ -53,11 +61,6 @@ class StudyLightFieldReading(BaseModel):
     crop: tuple[int, int] = (96, 96)
 
 
-def asked_of_files(reading: Settings) -> Reading:
-    """What is asked of files."""
-    return Reading(**{name: reading.get(name) for name in ("scale", "pattern", "lens")})
-
-
 class LightFieldEvaluation(CameraEvaluation):
     """Light fields; the reading of a cell has ``size``, the middle of what is measured, and ``crop``, of that again."""
 
@@ -65,58 +68,70 @@ class LightFieldEvaluation(CameraEvaluation):
     swept = ("slots", "aperture", "shutter", "exposure", "shear", "transmittance", "duty", "period", "design")
     words = ("aperture", "shutter", "exposure", "design")
     labels: ClassVar = {"lmmse": "patch LMMSE", "mixture": "patch mixture"}
+    pictures: ClassVar = {
+        "views": "Views and epipolar pictures, with errors",
+        "psnr": "PSNR of every view",
+        "disparity": "Disparity that one estimator sees in the reconstructed views",
+    }
 
-    def load(self, source: str, reading: Settings) -> xr.DataArray:
-        """See ``CameraEvaluation``."""
-        return read_once(read_middle, source, reading["views"], asked_of_files(reading), reading.get("size"))
+    @property
+    def columns(self) -> Sequence[Column]:
+        """See ``CameraEvaluation``: also of the disparity (px per view step) that one fixed estimator sees in
+        reconstructed views, against the truth and against what it sees in the true views."""
+        return (
+            *self.application.columns,
+            ("disparity_mae", "disparity MAE (px)", ".3f"),
+            ("disparity_badpix", "BadPix 0.07", ".1%"),
+            ("agreement_mae", "from that of the true views (px)", ".3f"),
+        )
 
-    def scene(self, cell: Any) -> xr.DataArray:
+    def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
         """See ``CameraEvaluation``."""
-        scene, crop = self.load(cell.source, cell.reading), cell.reading.get("crop")
-        if crop is None:
-            return scene
-        rows, columns = centre_window((scene.sizes["y"], scene.sizes["x"]), tuple(crop), None, cell.scene)
-        return scene.isel(y=rows, x=columns)
+        size, crop = (reading.get(name) if measured else None for name in ("size", "crop"))
+        scene = read_once(read_middle, source, reading["views"], _asked(reading, measured), size)
+        return scene if crop is None else middle_of(scene, (crop[0], crop[1]), source)
 
     def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
         """See ``CameraEvaluation``."""
         view_grid(reading["views"])  # refuses even ones
         check_asked(learned, scale=reading.get("scale"))
         check_asked(measured, test_scale=reading.get("test_scale"))
-        check_asked([*learned, *measured], pattern=reading.get("pattern"), lens=asked_of_files(reading).lens)
-        as_measured = asked_of_files({**reading, "scale": reading.get("test_scale")})
-        check_light_fields(
-            learned, measured, reading["views"], asked_of_files(reading), as_measured, reading.get("size")
-        )
+        check_asked([*learned, *measured], pattern=reading.get("pattern"), lens=_asked(reading).lens)
+        super().check_scenes(learned, measured, reading)
+
+    def rendered(self) -> Mapping[str, Sequence[str]]:
+        """See ``CameraEvaluation``."""
+        return split_rendered_light_fields()
 
     def usual_train(self) -> list[str]:
         """See ``CameraEvaluation``."""
-        return sorted(split_rendered_light_fields()["train"])
-
-    def measured_reading(self, reading: Settings) -> Settings:
-        """See ``CameraEvaluation``."""
-        return {**reading, "scale": reading.get("test_scale")}
+        return sorted(self.rendered()["train"])
 
     def always_measured(self) -> list[str]:
         """See ``CameraEvaluation``: rendered light fields, whose geometry is known."""
-        return sorted(split_rendered_light_fields()["test"])
+        return sorted(self.rendered()["test"])
+
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """See ``CameraEvaluation``."""
+        self.check_scenes(train, test, {**study.reading, "size": study.reading["frame"]})
 
     def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
         """See ``CameraEvaluation``: every scene, and a crop of those from files, where the dictionary can follow."""
-        reading, whole = self.measured_reading(study.reading), []
+        reading, whole = study.reading, []
         for source, name in names.items():
             size = reading["frame"] if source in files else reading["rendered"]
-            whole.append(Place(name, name, source, identity_of(source), {**reading, "crop": None, "size": size}))
+            how = {**reading, "crop": None, "size": size}
+            whole.append(Place(name, name, source, identity_of(source), how, {"geometry": True}))
         crops = [
-            replace(place, name=f"{place.name} crop", shown=False, part=True,
+            replace(place, name=f"{place.name} crop", shown=False, part=True, about={},
                     reading={**place.reading, "crop": reading["crop"]})
             for place in whole if place.source in files
         ]  # fmt: skip
         return [*whole, *crops]
 
-    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+    def searching(self, reading: Settings) -> Settings:
         """See ``CameraEvaluation``."""
-        return {**super().search_settings(study, code, train, priors), "views": [study.reading["views"]] * 2}
+        return {"views": [reading["views"]] * 2}
 
     def training_camera(self, study: Study) -> Settings:
         """See ``CameraEvaluation``: whole tiles of codes, at least as large as a patch."""
@@ -124,78 +139,85 @@ class LightFieldEvaluation(CameraEvaluation):
         return {"views": study.reading["views"], "size": [-(-patch // side) * side for side in period]}
 
     def training_scenes(
-        self,
-        reading: Settings,
-        train: Sequence[str],
-        validation: Sequence[str],
-        measured: Sequence[str],
+        self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
         stage: TrainStage,
-    ) -> Settings:
-        """See ``CameraEvaluation``; given light fields make the prior alone: rendered ones among them cost up to 1.8 dB
-        on a given one that was left out, and gained up to 0.8 dB on another."""
-        rendered = {part: sorted(names) for part, names in split_rendered_light_fields().items()}
-        asked = {name: reading[name] for name in ("scale", "pattern", "lens") if reading.get(name) is not None}
-        scenes = {"train": [*stage.repeat * [*train], *(rendered["train"] if stage.rendered else ())]}
-        checked = [*validation] or (rendered["validation"] if stage.rendered else [])
-        return {**asked, **scenes, "prior": [*train] or ["rendered"], "validation": checked}
+    ) -> Settings:  # fmt: skip
+        """See ``CameraEvaluation``."""
+        asked = {name: reading[name] for name in FILES if reading.get(name) is not None}
+        return super().training_scenes(reading, train, validation, measured, stage) | asked
 
-    def measured(self, cell: Any, shown: xr.Dataset, truth: xr.DataArray) -> Settings:
+    def measured(self, cell: Measurement, shown: xr.Dataset, truth: xr.DataArray) -> Settings:
         """See ``CameraEvaluation``: also the disparity that whole estimates show, and the quality of every view."""
-        from tmca.metrics import psnr_per_view, ssim_per_view
+        from tmca.metrics import disparity_error, estimate_disparity, psnr_per_view, ssim_per_view
 
         values = shown["estimate"].values
-        metrics = self.application.metrics({"values": values[None]}, truth, None)
-        if not cell.about.get("disparity"):
-            return {"metrics": metrics}
+        found = super().measured(cell, shown, truth)
+        if not cell.about.get("geometry"):
+            return found
+        known, seen = self.disparity(cell.source, cell.reading), estimate_disparity(values)
+        errors = {name: disparity_error(seen, known[maps].values) for name, maps in _ERRORS.items() if maps in known}
+        for name, error in errors.items():
+            found["metrics"] |= {f"{name}_{key}": error[key] for key in ("mae", "badpix")}
         views = {"psnr_per_view": psnr_per_view, "ssim_per_view": ssim_per_view}
-        each = {name: metric(values, truth.values).tolist() for name, metric in views.items()}
-        return {"metrics": metrics | _disparity_errors(values, cell.about["disparity"]), **each}
+        return found | {name: metric(values, truth.values).tolist() for name, metric in views.items()}
 
-    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
-        """See ``CameraEvaluation``: also a frame that the crop does not fit."""
-        crop, frame = study.reading["crop"], study.reading["frame"]
-        if any(side > most for side, most in zip(crop, frame, strict=True)):
-            found, wanted = ("×".join(map(str, size)) for size in (frame, crop))
-            raise SettingError("frame", f"{found} pixels", f"at least {wanted}, the crop that the dictionary decodes")
-        try:
-            self.check_scenes(train, test, {**study.reading, "size": frame})
-        except SettingError as error:
-            where = "frame" if error.where == "crop" else error.where
-            raise SettingError(where, error.found, error.expected, error.remedy) from error
+    def disparity(self, source: str, reading: Settings) -> xr.Dataset:
+        """``seen`` (y, x), the disparity that the fixed estimator sees in the true views, and ``truth``, if known."""
+        how = {name: reading.get(name) for name in ("views", "size", "test_scale", "pattern", "lens")}
+        known: xr.Dataset = read_once(_disparities, source, **how)
+        return known
 
-    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
-        """See ``CameraEvaluation``: the disparity of the true views of every scene."""
+    def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
+        """See ``CameraEvaluation``: what the estimator errs by on the true views."""
         return [
             Check(name=f"{place.scene} · disparity of the true views", camera=self.kind, method="geometry",
                   arguments={"source": place.source, "scene": place.scene, "identity": place.identity,
                              "reading": place.reading})
-            for place in places if not place.part
-        ]  # fmt: skip
-
-    def informed(self, places: Sequence[Place], checks: Sequence[Settings]) -> list[Place]:
-        """See ``CameraEvaluation``: with the file of their disparity."""
-        maps = {check["source"]: check["disparity"] for check in checks}
-        return [
-            place if place.part else replace(place, about={"disparity": maps[place.source]})
-            for place in places if place.part or place.source in maps
+            for place in lists.places if not place.part
         ]  # fmt: skip
 
     def geometry(self, cell: Check, folder: Path) -> Settings:
-        """The disparity that the fixed estimator sees in the true views and the true one, as a file; its error."""
-        from tmca.metrics import disparity_error, estimate_disparity
+        """The error of the disparity that is seen in the true views of a scene; nothing where it is not known."""
+        from tmca.metrics import disparity_error
 
-        source, reading = cell.arguments["source"], cell.arguments["reading"]
-        scene, own = self.load(source, reading), asked_of_files(reading).of(source)
-        seen, truth = (
-            estimate_disparity(scene.values),
-            true_disparity(source, scene, own.get("scale"), own.get("pattern")),
-        )
-        maps = {"seen": seen.astype(np.float32)}
-        maps |= {} if truth is None else {"truth": truth.values.astype(np.float32)}
-        file = folder / f"disparity-{cell.key}.npz"
-        np.savez(file, allow_pickle=False, **maps)
-        error = {} if truth is None else _named("disparity", disparity_error(seen, truth.values))
-        return {"disparity": str(file), "error": error, "source": source, "scene": cell.arguments["scene"]}
+        known = self.disparity(cell.arguments["source"], cell.arguments["reading"])
+        error = disparity_error(known["seen"].values, known["truth"].values) if "truth" in known else {}
+        return {"scene": cell.arguments["scene"], "error": {f"disparity_{key}": error[key] for key in error}}
+
+    def row(self, cells: Sequence[Measured]) -> Row:
+        """See ``CameraEvaluation``: PSNR and SSIM of every view (V, U), means over seeds."""
+        scenes = grouped([cell for cell in cells if "psnr_per_view" in cell], "scene").items()
+        return {"views": {
+            scene: {n: np.mean([cell[f"{n}_per_view"] for cell in own], 0).tolist() for n in ("psnr", "ssim")}
+            for (scene,), own in scenes
+        }}  # fmt: skip
+
+    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+        """See ``CameraEvaluation``."""
+        return {"geometry": {cell["scene"]: cell["error"] for cell in measured if "error" in cell}}
+
+    def sections(self, found: Row, study: Study) -> Iterable[Section]:
+        """See ``CameraEvaluation``."""
+        rows = [{"scene": scene, **error} for scene, error in found["geometry"].items() if error]
+        text = "What the estimator errs by on the true views, where the geometry is known."
+        if rows:
+            yield Section("Disparity of the true views", [text], rows, [("scene", "scene", ""), *self.columns[-3:-1]])
+
+    def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
+        """See ``CameraEvaluation``."""
+        from tmca.metrics import estimate_disparity
+
+        source, reading, own = cells[0]["source"], cells[0]["reading"], self.estimates(study, cells)
+        truth, known = self.load(source, reading, measured=True).values, self.disparity(source, reading)
+        fields = {name: read_dataset(cell["estimate"], ("estimate",))["estimate"].values for name, cell in own.items()}
+        seen = {"estimator on true views": known["seen"].values}
+        seen |= {name: estimate_disparity(field) for name, field in fields.items()}
+        real, view = known["truth"].values if "truth" in known else None, centre_view(truth, brightest(truth))
+        return {
+            "views": light_field_figure(fields, truth),
+            "psnr": view_psnr_figure({name: np.asarray(cell["psnr_per_view"]) for name, cell in own.items()}),
+            "disparity": disparity_figure(seen, real, view=view),
+        }
 
     def check_point(self, camera: Settings, sensor: Settings) -> None:
         """See ``CameraEvaluation``: a design chooses its codes and their period itself."""
@@ -216,16 +238,25 @@ class LightFieldEvaluation(CameraEvaluation):
         return {"atoms": 1024} if prior_kind == "dictionary" else {}
 
 
-def _disparity_errors(values: np.ndarray, maps: str) -> dict[str, float]:
-    """Error of the disparity that the reconstructed views show: against the true views', and the truth if known."""
-    from tmca.metrics import disparity_error, estimate_disparity
-
-    with whole_file(Path(maps), "file of disparities", "delete it and the cell that wrote it"):
-        known = dict(np.load(maps, allow_pickle=False))
-    seen = estimate_disparity(values)
-    found = _named("agreement", disparity_error(seen, known["seen"]))
-    return found | _named("disparity", disparity_error(seen, known["truth"])) if "truth" in known else found
+_ERRORS = {"agreement": "seen", "disparity": "truth"}
+"""Names of errors of a disparity, and the map that they are counted from."""
 
 
-def _named(name: str, error: dict[str, float]) -> dict[str, float]:
-    return {f"{name}_{key}": error[key] for key in ("mae", "badpix")}
+def _asked(reading: Settings, measured: bool = False) -> Reading:
+    """What is asked of files that are learned from, or measured."""
+    asked: dict[str, Any] = {name: reading.get(name) for name in FILES}
+    return Reading(**(asked | ({"scale": reading.get("test_scale")} if measured else {})))
+
+
+def _disparities(source: str, **reading: Any) -> xr.Dataset:
+    """See ``LightFieldEvaluation.disparity``."""
+    import xarray as xr
+
+    from tmca.metrics import estimate_disparity
+
+    asked = _asked(reading, measured=True)
+    scene, own = read_middle(source, reading["views"], asked, reading["size"]), asked.of(source)
+    maps = {"seen": (("y", "x"), estimate_disparity(scene.values).astype(np.float32))}
+    truth = true_disparity(source, scene, own.get("scale"), own.get("pattern"))
+    maps |= {} if truth is None else {"truth": (("y", "x"), truth.values.astype(np.float32))}
+    return xr.Dataset(maps)

@@ -7,24 +7,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.data import make_folder, sole_process, write_text
+from tmca.data import make_folder, sole_process
 from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
-from tmca.evaluation.camera import EXAMPLES, Place
+from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
-from tmca.evaluation.pages import page_of
+from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.study import Code, Study, named, training_of
-from tmca.evaluation.tables import (
-    Row,
-    Split,
-    check_counts,
-    check_decoders,
-    check_new,
-    check_weights,
-    csv_text,
-    write_table,
-)
+from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
 
 
 def run_study(
@@ -67,8 +58,8 @@ def run_study(
     if not test:
         raise SettingError("--test", "no scenes", "scenes or split files")
     names = short_names([*test, *(study.evaluation.always_measured() if study.page else ())])
-    page, files = page_of(study), [out / f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
-    check_new([*files, *page.picture_files(study, [*names.values()], out)], overwrite)
+    files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
+    check_new([out / name for name in (*files, *picture_names(study, names.values()))], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     with sole_process(make_folder(work)):
@@ -78,42 +69,31 @@ def run_study(
         if not any("metrics" in cell for cell in measured):
             grid.failures.check()
         split: Split = {"train": train, "test": test, "names": names, "validation": validation}
-        results = page.results(study, measured, split, command)
-        write_table(results, page.markdown(results, study), files[:2], overwrite)
-        write_text(csv_text(results["rows"], _columns(results["rows"])), files[2], overwrite=overwrite)
-        page.pictures(study, [cell for cell in measured if cell.get("seed", study.seed) == study.seed], out, overwrite)
+        found = results(study, measured, split, command)
+        rows = found["rows"]
+        columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
+        write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
+        write_pictures(study, measured, out, overwrite)
         grid.failures.check()
-    return results
+    return found
 
 
 def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
     """All cells that can be measured, those first that others need."""
-    study, evaluation = plan.study, plan.evaluation
     priors = {cell["prior_kind"]: cell["prior"] for cell in grid.run(plan.priors())}
     grid.failures.check()
-    searches = plan.searches(priors)
+    lists = Lists(plan.train, test, priors, plan.places)
+    searches = plan.searches(lists)
     for many in (True, False):  # a search of multiplexed codes contains that of the static ones
         grid.run([cell for cell in searches.values() if (cell.settings.get("slots", 1) > 1) == many])
-    checks = grid.run(evaluation.checks_before(study, plan.places))
-    plan.places = evaluation.informed(plan.places, checks)
-    measured = grid.run([*searches.values()]) + checks
-    codes = plan.files(searches, measured[: len(measured) - len(checks)])
-    scenes = (plan.train, test)
-    measured += _rows(grid, plan, plan.untrained(priors, codes), priors, scenes)
+    measured = grid.run([*searches.values()])
+    codes = plan.files(searches, measured)
+    cells = plan.untrained(priors, codes)
+    measured += grid.run(cells)
     trained = [cell for cells in plan.trainings(codes) for cell in grid.run(cells)]
-    return measured + trained + _rows(grid, plan, plan.behind_networks(trained, priors, codes), priors, scenes)
-
-
-def _rows(
-    grid: Grid, plan: Plan, cells: Sequence[Measurement], priors: dict[str, str], scenes: tuple[Sequence[str], ...]
-) -> list[Measured]:
-    """Measurements, and checks of their codes."""
-    return grid.run(cells) + grid.run(plan.evaluation.checks_after(plan.study, cells, priors, *scenes))
-
-
-def _columns(rows: Sequence[Row]) -> list[str]:
-    """Names, and figures that are one number."""
-    return [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
+    behind = plan.behind_networks(trained, priors, codes)
+    measured += trained + grid.run(behind)
+    return measured + grid.run(plan.evaluation.checks(plan.study, [*cells, *behind], lists))
 
 
 Files = Mapping[tuple[str, str, int], str]
@@ -157,9 +137,11 @@ class Plan:
         ]  # fmt: skip
 
     def _prior_settings(self, kind: str) -> Settings:
-        return {**self.evaluation.study_prior_settings(kind, self.study), **self.study.priors.get(kind, {})}
+        study = self.study
+        reading = {**self.reading, "window": study.options.get("likelihood", {}).get("window")}
+        return {**self.evaluation.prior_settings(kind, study.settings, reading), **study.priors.get(kind, {})}
 
-    def searches(self, priors: Mapping[str, str]) -> dict[Need, Search]:
+    def searches(self, lists: Lists) -> dict[Need, Search]:
         """Every search that rows of some noise and seed need, once; those of codes that are searched for each noise
         first."""
         study, searches = self.study, dict[Need, Search]()
@@ -167,7 +149,7 @@ class Plan:
         for seed in study.all_seeds:
             for name, search in sorted(codes, key=lambda code: code[1].noise is not None):
                 for noise in study.noises if search.noise is None else [search.noise]:
-                    settings = self.evaluation.search_settings(study, study.codes[name], self.train, priors)
+                    settings = self.evaluation.search_settings(study, study.codes[name], lists)
                     cell = Search(
                         name=f"search · {name} · {noise} · seed {seed}", camera=study.camera, code=name, noise=noise,
                         sensor=study.noises[noise], seed=seed, settings=settings,
@@ -235,8 +217,8 @@ class Plan:
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
                 source=place.source, identity=_identity(place.identity, options), reading=place.reading,
-                settings=self.evaluation.row_settings({**settings, "seed": seed}, self.reading),
-                sensor=study.noises[noise], codes=codes,
+                settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
+                sensor=study.noises[noise], codes=codes, part=place.part,
                 camera_of=camera_of, weights=weights, options=options,
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
                 save=shown and place.shown and seed == study.seed,

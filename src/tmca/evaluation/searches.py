@@ -1,15 +1,28 @@
-"""Searched codes of spectral and light-field cameras: example scenes that they are searched for, and the search."""
+"""Searched codes: patterns for example scenes, and phase masks."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import torch
 
-from tmca.design import Task, camera_arguments, design_model, designable, learn_examples, save_examples
-from tmca.evaluation.grid import Measured, Settings, package_version
+from tmca.applications.example_scenes import judge_on
+from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import write_phase_codes
+from tmca.design import (
+    MaskEffort,
+    MaskTask,
+    Task,
+    camera_arguments,
+    design_model,
+    designable,
+    learn_examples,
+    save_examples,
+    search_masks,
+)
+from tmca.evaluation.grid import Measured, Settings, cell_key, package_version
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -48,3 +61,36 @@ def searched(cell: Settings) -> Measured:
         "psnr": design.psnr, "random_psnr": task.psnr(task.random(kind, slots)),
         "throughput": design.camera.throughput(), "gains": {name: own[name] - base[name] for name in own},
     }  # fmt: skip
+
+
+def searched_masks(
+    probe: SpectralDepthCamera, cell: Settings, examples: Sequence[torch.Tensor], folder: Path
+) -> Measured:
+    """Masks of least confusion of depths, written into a folder; how well they and random ones tell depths apart.
+
+    Args:
+        probe: camera of the size, bench, bands, planes, tile and sensor that masks are searched for.
+        cell: of the search; its settings say camera, prior, window and effort.
+        examples: (L, H, W) scenes that masks are judged on.
+        folder: of the file of codes.
+    """
+    from tmca.design.spectral_depth import kullback_leibler
+    from tmca.priors import GaussianPrior
+
+    own, camera = cell["settings"], cell["settings"]["camera"]
+    planes, prior = probe.planes, GaussianPrior.load(own["prior"])
+    given = {"bands": probe.wavelengths, "depth": (planes.near, planes.far), "planes": planes.count}
+    given |= {"filters": camera["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
+    family = camera.get("mask", "zernike")
+    task = MaskTask(probe.bench, given, camera["shutter"], family, window=own["searched"], seed=cell["seed"])
+    judge = judge_on(examples, prior, own["window"])
+    found = search_masks(task, prior, [camera["slots"]], MaskEffort(**own["effort"]), judge=judge).candidates[-1]
+    file = folder / f"codes-{cell['code'].replace(' ', '-').replace('/', '-')}-{cell_key(cell)}.nc"
+    write_phase_codes(found.camera, file, camera["filters"], "rgb", overwrite=True)
+    windows = {"optimised": (found.covariance, found.information),
+               "random": (found.random_covariance, found.random_information)}  # fmt: skip
+    predicted = {
+        name: {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
+        for name, (covariance, fisher) in windows.items()
+    }
+    return {"codes": str(file), "foretold": predicted, "seconds": found.seconds, "confusion": found.confusion}

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
+from tmca.applications.report import Section
 from tmca.cameras import SpectralCamera
-from tmca.data import split_rendered
+from tmca.data import read_dataset, split_rendered
 from tmca.data.scene_names import identity_of
-from tmca.data.scenes import check_readable, load_scene
-from tmca.evaluation.camera import CameraEvaluation, Settings
+from tmca.data.scenes import load_scene
+from tmca.evaluation.camera import CameraEvaluation, Lists, Settings
 from tmca.evaluation.cells import Check, Measurement
+from tmca.evaluation.grid import Measured
 from tmca.evaluation.scenes import read_once
+from tmca.evaluation.tables import Row
+from tmca.plots.cube import bands, composites, signatures
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from tmca.evaluation.study import Study, TrainStage
 
@@ -42,39 +47,27 @@ class SpectralEvaluation(CameraEvaluation):
     kind, sweeps_networks, Reading = "spectral", True, SpectralReading
     swept = ("slots", "aperture", "shutter", "exposure", "dispersion", "disperser", "transmittance", "duty", "period")
     words = ("aperture", "shutter", "exposure", "disperser")
+    pictures: ClassVar = {  # the thesis' figures 20 to 22
+        "composites": "Colour composites",
+        "spectra": "Spectra at a few points",
+        "bands": "Six bands",
+    }
 
-    def load(self, source: str, reading: Settings) -> xr.DataArray:
+    def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
         """See ``CameraEvaluation``."""
-        return read_once(load_scene, source, bands=reading["bands"])
+        size = reading.get("size") if measured else None
+        return read_once(load_scene, source, bands=reading["bands"], size=size and (size[0], size[1]))
 
-    def scene(self, cell: Any) -> xr.DataArray:
+    def rendered(self) -> Mapping[str, Sequence[str]]:
         """See ``CameraEvaluation``."""
-        size = cell.reading.get("size")
-        side = None if size is None else (size[0], size[1])
-        return read_once(load_scene, cell.source, bands=cell.reading["bands"], size=side)
-
-    def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
-        """See ``CameraEvaluation``."""
-        check_readable(measured, reading["bands"], reading.get("size"))
-        check_readable(learned, reading["bands"])
-
-    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
-        """See ``CameraEvaluation``: for one pixel of dispersion between bands."""
-        return {"extent": study.reading["bands"] - 1}
+        return split_rendered()
 
     def training_scenes(
-        self,
-        reading: Settings,
-        train: Sequence[str],
-        validation: Sequence[str],
-        measured: Sequence[str],
+        self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
         stage: TrainStage,
-    ) -> Settings:
-        """See ``CameraEvaluation``; given scenes make the prior alone: rendered ones among them cost the first estimate
-        1.4 dB on scenes left out."""
-        rendered = sorted(split_rendered()["train"]) if stage.rendered else []
-        scenes = {"train": [*stage.repeat * [*train], *rendered], "validation": [*validation]}
-        return {"bands": reading["bands"], "prior": [*train] or ["rendered"], **scenes}
+    ) -> Settings:  # fmt: skip
+        """See ``CameraEvaluation``."""
+        return super().training_scenes(reading, train, validation, measured, stage) | {"bands": reading["bands"]}
 
     def check_point(self, camera: Settings, sensor: Settings) -> None:
         """See ``CameraEvaluation``."""
@@ -85,17 +78,11 @@ class SpectralEvaluation(CameraEvaluation):
         camera = self.build({"bands": reading["bands"], "size": (64, 64)}, settings, {})
         return {"extent": camera.dispersion.extent}
 
-    def checks_after(
-        self,
-        study: Study,
-        cells: Sequence[Measurement],
-        priors: Mapping[str, str],
-        train: Sequence[str],
-        test: Sequence[str],
-    ) -> list[Check]:
+    def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
         """See ``CameraEvaluation``: the expected error of codes that are not learned, where the LMMSE is asked for."""
-        about = {"prior": priors.get("gaussian"), "train": [*train], "test": [*test], "reading": study.reading,
-                 "patches": study.patches, "identities": [identity_of(name) for name in (*train, *test)]}  # fmt: skip
+        scenes = {"train": [*lists.train], "test": [*lists.test]}
+        about = {"prior": lists.priors.get("gaussian"), **scenes, "reading": study.reading, "patches": study.patches,
+                 "identities": [identity_of(name) for part in scenes.values() for name in part]}  # fmt: skip
         first = {(cell.noise, cell.code): cell for cell in cells if cell.decoder == "lmmse" and not cell.camera_of}
         return [
             Check(name=f"expected error · {code} · {noise}", camera=self.kind, method="expected_error", code=code,
@@ -121,3 +108,31 @@ class SpectralEvaluation(CameraEvaluation):
                 prior, camera, cubes, count=about["patches"], seed=cell.seed
             )
         return {"expected": found}
+
+    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+        """See ``CameraEvaluation``."""
+        checks = [cell for cell in measured if "expected" in cell]
+        return {
+            "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks]
+        }
+
+    def sections(self, found: Row, study: Study) -> Iterable[Section]:
+        """See ``CameraEvaluation``."""
+        columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]
+        columns += [("train", "on patches of training scenes", ".2f"), ("test", "on patches of test scenes", ".2f")]
+        text = "PSNR of single blocks under the Gaussian prior: predicted before anything is captured, and measured on "
+        text += "thousands of patches. Overlapping blocks, blended, do better than single ones."
+        if found["expected_error"]:
+            yield Section("Expected error against measured error", [text], found["expected_error"], columns)
+
+    def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
+        """See ``CameraEvaluation``."""
+        truth = self.load(cells[0]["source"], cells[0]["reading"], measured=True)
+        shown = self.estimates(study, cells)
+        cubes = {name: read_dataset(cell["estimate"], ("estimate",))["estimate"].values for name, cell in shown.items()}
+        waves: list[float] = truth["wavelength"].values.tolist()
+        return {
+            "composites": composites(truth.values, cubes, waves, study.shown_noise or ""),
+            "spectra": signatures(truth.values, cubes, waves),
+            "bands": bands(truth.values, cubes, waves),
+        }

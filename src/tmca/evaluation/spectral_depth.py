@@ -2,36 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import torch
 from pydantic import BaseModel, ConfigDict
 
 from tmca.applications.example_scenes import flat_error, judge_on, placed_error, some_of
+from tmca.applications.report import Section
 from tmca.cameras import SpectralDepthCamera
-from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
+from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import PROBE
-from tmca.data import split_rendered
-from tmca.data.depth_scenes import check_depth_scenes, load_any_depth_scene, with_surroundings, withheld_scene
+from tmca.data import read_dataset, split_rendered
+from tmca.data.depth_scenes import load_any_depth_scene, with_surroundings, withheld_scene
 from tmca.data.fitting import middle_of
 from tmca.decoders.likelihood import check_window, usual_window
 from tmca.design import MaskEffort
 from tmca.design.mask_search import SIZE
 from tmca.errors import SettingError
-from tmca.evaluation.camera import CameraEvaluation, Place, Settings
+from tmca.evaluation.camera import CameraEvaluation, Lists, Settings
 from tmca.evaluation.cells import Check, Measurement
-from tmca.evaluation.grid import cell_key
+from tmca.evaluation.expected import PREDICTED, PREDICTED_BY, order
+from tmca.evaluation.grid import Measured
 from tmca.evaluation.scenes import read_once
+from tmca.evaluation.searches import searched_masks
+from tmca.evaluation.tables import Row, grouped, mean, means
+from tmca.plots.depth import Pair, predicted_depth_figure, rows_figure
 from tmca.priors.spectral_depth import needed_block
 from tmca.training.scenes import place_of
 from tmca.training.starting_masks import usual_margin
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from tmca.decoders import Estimate
     from tmca.evaluation.study import Code, Study, TrainStage
@@ -82,28 +88,36 @@ class SpectralDepthEvaluation(CameraEvaluation):
              "period", "contrast", "codes")  # fmt: skip
     always_learned = ("gaussian",)
     words = ("mask", "shutter", "filters", "channels", "exposure", "image_formation", "codes")
+    metric = "depth_mae"
+    pictures: ClassVar = {"": "Colours, depth and spectra behind every code"}
 
     def probe(self, reading: Settings, size: tuple[int, int] = (64, 64)) -> SpectralDepthCamera:
         """A camera of the preset, for its bands and depth range."""
         return SpectralDepthCamera.from_preset(reading["preset"], size=size)
 
-    def load(self, source: str, reading: Settings, **more: Any) -> xr.Dataset:
-        """See ``CameraEvaluation``."""
-        camera = more.pop("camera", None) or self.probe(reading)
-        return read_once(load_any_depth_scene, source, **_how(reading), **more, **reading_range(camera))
+    def load(
+        self, source: str, reading: Settings, measured: bool = False, camera: SpectralDepthCamera | None = None
+    ) -> xr.Dataset:
+        """See ``CameraEvaluation``; made-up spectra of what is measured are of reflectances that nothing learned from.
+        Bands and depth range are those of the preset, or of a camera."""
+        materials = {"materials": "test"} if measured else {}
+        how = {**_how(reading), **materials, **reading_range(camera or self.probe(reading))}
+        whole: xr.Dataset = read_once(load_any_depth_scene, source, **how)
+        if measured:
+            middle_of(whole, _size(reading["crop"]), source)  # refuses a smaller one
+        return whole
 
     def scene(self, cell: Any) -> xr.Dataset:
-        """See ``CameraEvaluation``; made-up spectra are of reflectances that nothing learned from."""
+        """See ``CameraEvaluation``."""
         size = _size(cell.reading["crop"])
         camera = self.camera(cell, _Extent(size))
-        whole = self.load(cell.source, cell.reading, camera=camera, materials="test")
+        whole = self.load(cell.source, cell.reading, measured=True, camera=camera)
         scene = with_surroundings(whole, size, cell.source, camera.tile_size)
         return of_contrast(scene, float(cell.about["contrast"])) if "contrast" in cell.about else scene
 
-    def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
+    def rendered(self) -> Mapping[str, Sequence[str]]:
         """See ``CameraEvaluation``."""
-        check_depth_scenes(learned, measured, _size(reading["crop"]), **_how(reading),
-                           **reading_range(self.probe(reading)))  # fmt: skip
+        return split_rendered()
 
     def parts(self, scene: Any) -> Settings:
         """See ``CameraEvaluation``; bands are the preset's."""
@@ -128,82 +142,45 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return file
 
     def search(self, cell: Settings, folder: Path) -> Settings:
-        """Masks of least confusion of depths; how well they and random ones tell depths apart."""
-        from tmca.design import MaskTask, search_masks
-        from tmca.design.spectral_depth import kullback_leibler
-        from tmca.priors import GaussianPrior
-
-        own, camera = cell["settings"], cell["settings"]["camera"]
-        probe = self.build({"size": SIZE}, {**camera, "seed": cell["seed"]}, cell["sensor"])
-        given = {
-            "bands": probe.wavelengths,
-            "depth": (probe.planes.near, probe.planes.far),
-            "planes": probe.planes.count,
-        }
-        given |= {"filters": camera["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
-        family = camera.get("mask", "zernike")
-        task = MaskTask(probe.bench, given, camera["shutter"], family, window=own["searched"], seed=cell["seed"])
-        prior = GaussianPrior.load(own["prior"])
-        judge = judge_on(self._examples(own), prior, own["window"])
-        found = search_masks(task, prior, [camera["slots"]], MaskEffort(**own["effort"]), judge=judge).candidates[-1]
-        file = folder / f"codes-{cell['code'].replace(' ', '-').replace('/', '-')}-{cell_key(cell)}.nc"
-        write_phase_codes(found.camera, file, camera["filters"], "rgb", overwrite=True)
-        predicted = {}
-        drawn = (found.random_covariance, found.random_information)
-        for name, (covariance, fisher) in (("optimised", (found.covariance, found.information)), ("random", drawn)):
-            predicted[name] = {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
-        return {"codes": str(file), "foretold": predicted, "seconds": found.seconds, "confusion": found.confusion}
+        """See ``CameraEvaluation``: masks of least confusion of depths."""
+        camera = {**cell["settings"]["camera"], "seed": cell["seed"]}
+        probe = self.build({"size": SIZE}, camera, cell["sensor"])
+        return searched_masks(probe, cell, self._examples(cell["settings"]), folder)
 
     def _examples(self, about: Settings) -> list[torch.Tensor]:
         """Some training scenes (L, H, W), at the bands of the preset."""
         how = {name: about["reading"][name] for name in ("preset", "side", "placed", "from_rgb")}
         return _examples(tuple(about["examples"]), **how)
 
-    def study_prior_settings(self, prior_kind: str, study: Study) -> Settings:
-        """See ``CameraEvaluation``."""
-        return {"block": self.block(study.reading, study.options["likelihood"]["window"])}
-
-    def search_settings(self, study: Study, code: Code, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+    def search_settings(self, study: Study, code: Code, lists: Lists) -> Settings:
         """See ``CameraEvaluation``: the code's camera, prior and example scenes."""
         own = MaskEffort(**study.search["effort"])
         starts = own.starts * (code.search.starts if code.search else 1)
-        camera = {**study.settings, **code.camera, "preset": study.reading["preset"]}
-        return {**self.judging(study, train, priors), "camera": camera,
+        camera = self.camera_settings({**study.settings, **code.camera}, study.reading)
+        return {**self.judging(study, lists), "camera": camera,
                 "effort": {**study.search["effort"], "starts": starts}}  # fmt: skip
 
-    def judging(self, study: Study, train: Sequence[str], priors: Mapping[str, str]) -> Settings:
+    def judging(self, study: Study, lists: Lists) -> Settings:
         """What masks are judged by without a test scene."""
-        return {"prior": priors["gaussian"], "examples": some_of(list(train)), "reading": study.reading,
+        return {"prior": lists.priors["gaussian"], "examples": some_of(list(lists.train)), "reading": study.reading,
                 "searched": study.search["searched"], "window": study.options["likelihood"]["window"]}  # fmt: skip
-
-    def row_settings(self, settings: Settings, reading: Settings) -> Settings:
-        """See ``CameraEvaluation``."""
-        return {**settings, "preset": reading["preset"]}
 
     def training_camera(self, study: Study) -> Settings:
         """See ``CameraEvaluation``."""
         return {"preset": study.reading["preset"], "size": [study.train.settings["data"]["patch"]] * 2}
 
     def training_scenes(
-        self,
-        reading: Settings,
-        train: Sequence[str],
-        validation: Sequence[str],
-        measured: Sequence[str],
+        self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
         stage: TrainStage,
-    ) -> Settings:
+    ) -> Settings:  # fmt: skip
         """See ``CameraEvaluation``; a rendered scene and the last given one with a depth of its own choose the best
         step, and teach networks nothing."""
         withheld = withheld_scene(train)
-        rendered = sorted({*split_rendered()["train"]} - {*measured}) if stage.rendered else []
+        rendered = sorted({*self.rendered()["train"]} - {*measured}) if stage.rendered else []
         learned = [name for name in train if name != withheld]
         checked = [*validation] or [*rendered[:1], *([] if withheld is None else [withheld])]
-        return {
-            "train": [*stage.repeat * learned, *rendered[1:]],
-            "validation": checked,
-            "prior": learned,
-            **_how(reading),
-        }
+        scenes = {"train": [*stage.repeat * learned, *rendered[1:]], "validation": checked, "prior": learned}
+        return {**scenes, **_how(reading)}
 
     def middle(self, cell: Measurement, estimate: Estimate, scene: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
         """See ``CameraEvaluation``."""
@@ -225,8 +202,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
         camera, metrics = self.probe(reading, crop), {}
         middle = 2 / (1 / camera.planes.near + 1 / camera.planes.far)
         for source, name in cell.arguments["scenes"].items():
-            whole = self.load(source, reading, camera=camera, materials="test")
-            scene = middle_of(whole, crop, name)
+            scene = middle_of(self.load(source, reading, measured=True, camera=camera), crop, name)
             parts = {"values": scene["radiance"].values[None], "depth": np.full(crop, middle, dtype=np.float32)}
             own = self.application.metrics(parts, scene, camera)
             metrics[name] = {key: own[key] for key in ("depth_mae", "depth_rmse", "within_bin", "known_depth")}
@@ -249,30 +225,21 @@ class SpectralDepthEvaluation(CameraEvaluation):
             raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
         self.check_scenes(train, test, reading)
 
-    def checks_before(self, study: Study, places: Sequence[Place]) -> list[Check]:
-        """See ``CameraEvaluation``: what a constant guess of the depth errs by."""
-        about = {"reading": study.reading, "scenes": {place.source: place.scene for place in places},
-                 "identities": [place.identity for place in places]}  # fmt: skip
-        return [Check(name=CONSTANT, camera=self.kind, method="constant_guess", seed=study.seed, arguments=about)]
-
-    def checks_after(
-        self,
-        study: Study,
-        cells: Sequence[Measurement],
-        priors: Mapping[str, str],
-        train: Sequence[str],
-        test: Sequence[str],
-    ) -> list[Check]:
-        """See ``CameraEvaluation``: what is predicted of the codes that the patch likelihood decodes."""
-        about = self.judging(study, train, priors)
+    def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
+        """See ``CameraEvaluation``: what a constant guess of the depth errs by, and what is predicted of the codes that
+        the patch likelihood decodes."""
+        scenes = {"reading": study.reading, "scenes": {place.source: place.scene for place in lists.places},
+                  "identities": [place.identity for place in lists.places]}  # fmt: skip
+        guess = Check(name=CONSTANT, camera=self.kind, method="constant_guess", seed=study.seed, arguments=scenes)
         first = {(cell.code, cell.noise, cell.seed): cell for cell in cells if cell.decoder == "likelihood"}
-        return [
+        about = self.judging(study, lists)
+        return [guess, *(
             Check(name=f"predicted · {code} · {noise} · seed {seed}", camera=self.kind, method="predicted", code=code,
                   noise=noise, seed=seed,
                   arguments={**about, "settings": cell.settings, "sensor": cell.sensor, "codes": cell.codes,
                              "weights": cell.camera_of})
             for (code, noise, seed), cell in first.items()
-        ]  # fmt: skip
+        )]  # fmt: skip
 
     def predicted(self, cell: Check, folder: Path) -> Settings:
         """What prior and training scenes say of a code under a noise, before any test scene is seen."""
@@ -323,13 +290,74 @@ class SpectralDepthEvaluation(CameraEvaluation):
         check_window(side, camera)
         return side
 
-    def block(self, reading: Settings, window: int) -> list[int]:
-        """(h, w) of the blocks of a prior for windows of this side."""
-        return list(needed_block(window, self.probe(reading).bench.window))
-
     def prior_settings(self, prior_kind: str, settings: Settings, reading: Settings) -> Settings:
+        """See ``CameraEvaluation``: blocks for windows of the side that the reading says."""
+        return {"block": list(needed_block(reading["window"], self.probe(reading).bench.window))}
+
+    def row(self, cells: Sequence[Measured]) -> Row:
         """See ``CameraEvaluation``."""
-        return {"block": self.block(reading, reading["window"])}
+        return {"arrived": mean([cell["arrived"] for cell in cells])}
+
+    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+        """See ``CameraEvaluation``: what is known of every code and noise before a test scene, means over seeds, beside
+        what decoders made of it; the constant guess."""
+        made: dict[tuple[str, str], Row] = {}
+        for row in rows:
+            made.setdefault((row["code"], row["noise"]), {})[row["decoder"]] = {
+                n: row[n] for n in ("depth_mae", "psnr")
+            }
+        groups = grouped([cell for cell in measured if "figures" in cell], "code", "noise")
+        foretold = [
+            {"code": code, "noise": noise, **means(cell["figures"] for cell in own), "measured": made[code, noise]}
+            for (code, noise), own in groups.items() if (code, noise) in made
+        ]  # fmt: skip
+        guesses = {scene: guess for cell in measured for scene, guess in cell.get("guess", {}).items()}
+        return {"foretold": foretold, "guess": guesses}
+
+    def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:
+        """See ``CameraEvaluation``; of the patch likelihood the error on training scenes at drawn depths."""
+        if decoder != "likelihood":
+            return super().scores(found, decoder, noise)
+        return {row["code"]: row["placed"] for row in found["foretold"] if row["noise"] == noise and "placed" in row}
+
+    def sections(self, found: Row, study: Study) -> Iterable[Section]:
+        """See ``CameraEvaluation``."""
+        columns = [("scene", "scene", ""), *self.columns[:3], ("known_depth", "known depth", ".0%")]
+        text = "The middle of the range, in inverse metres, everywhere; depth counts where it is known."
+        yield Section("A constant guess", [text], [{"scene": n, **own} for n, own in found["guess"].items()], columns)
+        if not found["foretold"]:
+            return
+        rows = [
+            {**row, **{f"measured_{name}": value for name, value in row["measured"].get("likelihood", {}).items()}}
+            for row in found["foretold"]
+        ]
+        measured = [("depth_mae", "measured depth MAE (m)", ".3f"), ("psnr", "measured PSNR (dB)", ".2f")]
+        columns = [("noise", "noise", ""), ("code", "code", ""), *PREDICTED]
+        columns += [(f"measured_{name}", heading, spec) for name, heading, spec in measured]
+        yield Section("What is predicted without a test scene", [PREDICTED_BY], rows, columns)
+        text = "Rank correlation of each with the measured depth MAE, of PSNR with measured PSNR; 1: the right order."
+        columns = [("noise", "noise", ""), ("decoder", "decoder", ""), ("codes", "codes", "d")]
+        columns += [(name, heading, "+.2f") for name, heading, _ in PREDICTED]
+        yield Section("The order of the codes", [text], order(found, study.decoder_labels), columns)
+
+    def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
+        """See ``CameraEvaluation``: depth maps and spectra of the rows of a scene."""
+        first, labels = cells[0], study.decoder_labels
+        camera = self.probe(study.reading, _size(study.reading["crop"]))
+        truth = middle_of(self.load(first["source"], study.reading, measured=True), camera.size, first["scene"])
+        rows: dict[str, dict[str, Pair]] = {}
+        for cell in cells:
+            found = read_dataset(cell["estimate"], ("radiance", "depth"))
+            rows.setdefault(cell["code"], {})[labels[cell["decoder"]]] = found["radiance"].values, found["depth"].values
+        decoders = [*dict.fromkeys(labels[cell["decoder"]] for cell in cells)]
+        real, ends = (truth["radiance"].values, truth["depth"].values), (camera.planes.near, camera.planes.far)
+        return {"": rows_figure(rows, decoders, real, camera.wavelengths, ends)}
+
+    def study_figures(self, study: Study, measured: Sequence[Measured]) -> dict[str, Figure]:
+        """See ``CameraEvaluation``: what searched masks predict over depth."""
+        predicted = {cell["code"]: cell["foretold"] for cell in measured if "confusion" in cell}
+        metres = self.probe(study.reading).planes.metres.numpy()
+        return {"fisher": predicted_depth_figure(predicted, metres)} if predicted else {}
 
 
 class _Extent:

@@ -131,6 +131,35 @@ class TrainStage(Strict):
     settings: Settings = {}
 
 
+class PublishedRow(Strict):
+    """A row of a published table, and what stands for it in a study.
+
+    Args:
+        values: name of a metric → value.
+        code, decoders: of the study.
+        part: whether decoders in parts of scenes stand for it.
+    """
+
+    values: dict[str, float]
+    code: str = ""
+    decoders: tuple[str, ...] = ()
+    part: bool = False
+
+
+class PublishedTable(Strict):
+    """A table that a study's rows are put beside, those without noise on the scenes that the study names.
+
+    Args:
+        title: of the section.
+        about: its paragraph.
+        rows: by their names.
+    """
+
+    title: str
+    about: str
+    rows: dict[str, PublishedRow]
+
+
 class Study(Strict):
     """What is compared.
 
@@ -138,7 +167,9 @@ class Study(Strict):
         name: of the results' files.
         camera: ``spectral``, ``light-field`` or ``spectral-depth``.
         title: heading of the page.
-        page: a page with the sections of `tmca compare`, or with tables alone.
+        about: paragraphs of the page; entries of the results stand in braces: ``{split[train]}``.
+        about_networks: one more, where networks are trained.
+        page: also measure the camera's scenes of known geometry.
         scenes: to learn from, to measure.
         reading: how they are read; see the camera's ``Reading``.
         settings: of the camera, for all codes.
@@ -153,11 +184,17 @@ class Study(Strict):
         seed, seeds: of codes, noise and trainings: the first, and how many.
         seeds_without_prior: how many for decoders without a prior and without training; as many if None.
         shown: codes and decoders that are pictured under ``shown_noise``; all if None.
+        pairs: codes, and those over which their gain is told.
+        decoder_pairs: decoders, the same.
+        bases: name → codes that time-multiplexed ones are held against, beside all with one slot.
+        published: a table of another work.
     """
 
     name: str = ""
     camera: str
     title: str = ""
+    about: tuple[str, ...] = ()
+    about_networks: str = ""
     page: bool = False
     scenes: Scenes = Scenes()
     reading: Settings = {}
@@ -177,6 +214,10 @@ class Study(Strict):
     seeds_without_prior: int | None = None
     shown: tuple[tuple[str, str], ...] | None = ()
     shown_noise: str | None = None
+    pairs: tuple[tuple[str, str], ...] = ()
+    decoder_pairs: tuple[tuple[str, str], ...] = ()
+    bases: dict[str, tuple[str, ...]] = {}
+    published: PublishedTable | None = None
 
     @model_validator(mode="after")
     def _names(self) -> Study:

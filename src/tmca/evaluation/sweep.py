@@ -7,8 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.applications import application_of
-from tmca.data import check_folder, make_folder, sole_process, write_text
+from tmca.data import check_folder, make_folder, sole_process
 from tmca.data.scene_names import identity_of, short_names
 from tmca.decoders import decoders
 from tmca.evaluation.axes import Point, Sweep
@@ -16,15 +15,7 @@ from tmca.evaluation.camera import EXAMPLES
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.study import TrainStage, merged
-from tmca.evaluation.tables import (
-    check_counts,
-    check_new,
-    csv_text,
-    markdown_table,
-    mean_over_scenes,
-    repository_commit,
-    write_table,
-)
+from tmca.evaluation.tables import check_counts, check_new, markdown_table, means, repository_commit, write_table
 from tmca.plots.curves import sweep_figure
 from tmca.plots.style import save_figure
 
@@ -89,8 +80,8 @@ def run_sweep(
         DataError: a scene that cannot be used.
         CellsFailed: some cells failed; the others stay in ``work``.
     """
-    files = [out.with_suffix(suffix) for suffix in (".json", ".csv", ".md", ".png")]
-    check_new(files, overwrite)
+    out = out.with_suffix("")
+    check_new([out.with_name(f"{out.name}{suffix}") for suffix in (".json", ".csv", ".md", ".png")], overwrite)
     check_counts(jobs=jobs)
     points, names = sweep.points(), short_names(sweep.scenes)
     check_folder(out.parent)
@@ -109,7 +100,7 @@ def run_sweep(
             "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
             "train": [Path(name).name for name in sweep.learned], "rows": rows,
         }  # fmt: skip
-        _write(sweep, results, files, overwrite)
+        _write(sweep, results, out, overwrite)
         grid.failures.check()
     return results
 
@@ -125,8 +116,7 @@ def _camera_settings(sweep: Sweep, point: Point) -> tuple[Settings, str | None]:
     """Arguments of the constructor, and a file of codes where one is named."""
     camera = sweep.camera_of(point)
     settings = {name: value for name, value in camera.items() if name not in ("design", "codes", "contrast")}
-    preset = {"preset": sweep.reading["preset"]} if "preset" in sweep.reading else {}
-    return {**preset, **settings}, camera.get("codes")
+    return sweep.evaluation.camera_settings(settings, sweep.reading), camera.get("codes")
 
 
 def _measurements(
@@ -150,7 +140,7 @@ def _measurements(
         common |= {"settings": settings, "sensor": sweep.sensor_of(point), "codes": codes, "options": options}
         common |= {"faults": sweep.faults_of(point), "prior": priors.get(key), "weights": networks.get(key)}
         common |= {"about": {"contrast": point["contrast"]} if "contrast" in point else {}}
-        common["reading"] = sweep.evaluation.measured_reading(sweep.reading)
+        common["reading"] = sweep.reading
         for source, scene in names.items():
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
             files = (codes, options.get("weights"))
@@ -201,7 +191,7 @@ def _designs(sweep: Sweep, points: Sequence[Point], grid: Grid) -> dict[str, str
     for point in asked:
         kind, slots = point["design"], 1 if point["design"] == "static" else int(point.get("slots", 8))
         settings = {"kind": kind, "slots": slots, "period": [16, 16], "effort": sweep.effort}
-        settings |= {"examples": examples["prior"], "views": [sweep.reading["views"]] * 2}
+        settings |= {"examples": examples["prior"], **sweep.evaluation.searching(sweep.reading)}
         cells[str(point)] = Search(
             name=f"search · {_label({**point, 'slots': slots})}", camera=sweep.camera, code=kind, noise="",
             sensor=sweep.sensor_of(point), seed=point.get("seed", 0), settings=settings,
@@ -241,20 +231,21 @@ def _rows(points: Sequence[Point], measured: Sequence[Measured], scenes: Sequenc
         if len(part) == len(scenes):
             each = {cell["scene"]: cell["metrics"] for cell in part}
             light = sum(cell["throughput"] for cell in part) / len(part)
-            rows.append({**point, **mean_over_scenes(each), "throughput": light, "scenes": each})
+            rows.append({**point, **means(each.values()), "throughput": light, "scenes": each})
     return rows
 
 
-def _write(sweep: Sweep, results: dict[str, Any], files: Sequence[Path], overwrite: bool) -> None:
+def _write(sweep: Sweep, results: dict[str, Any], out: Path, overwrite: bool) -> None:
     """JSON, CSV, Markdown and picture of a sweep."""
     rows, axes, labels = results["rows"], list(results["vary"]), sweep.labels
-    metrics = [column for column in application_of(sweep.camera).columns if column[0] in rows[0]]
+    metrics = [column for column in sweep.evaluation.application.columns if column[0] in rows[0]]
     columns = [*((name, name, "") for name in axes), *metrics, ("throughput", "light", ".1%")]
-    write_table(results, markdown(results, labels, columns), (files[0], files[2]), overwrite)
-    write_text(csv_text(rows, [name for name, _, _ in columns]), files[1], overwrite=overwrite)
+    names = [name for name, _, _ in columns]
+    write_table(results, markdown(results, labels, columns), rows, names, out, overwrite)
     drawn = [(name, heading) for name, heading, _ in metrics if name in ("psnr", "depth_mae")]
     shown = sorted(drawn, key=lambda metric: metric[0] != "psnr") or [metrics[0][:2]]
-    save_figure(sweep_figure(rows, axes, labels, UNITS.get(axes[0], axes[0]), shown), files[3], overwrite=overwrite)
+    figure = sweep_figure(rows, axes, labels, UNITS.get(axes[0], axes[0]), shown)
+    save_figure(figure, out.with_name(f"{out.name}.png"), overwrite=overwrite)
 
 
 def markdown(results: dict[str, Any], labels: Mapping[str, str], columns: Sequence[tuple[str, str, str]]) -> str:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from tmca.evaluation.study import Study
 
 Row = dict[str, Any]
+Column = tuple[str, str, str]
+"""(key, heading, format) of a column."""
 
 
 class Split(TypedDict):
@@ -70,34 +72,47 @@ def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None
         raise SettingError(where, "none for the decoder network", "a run or file of `tmca train`")
 
 
-def write_table(results: Row, text: str, files: Sequence[Path], overwrite: bool) -> None:
-    """Results for programs into the first file, and for people into the second.
+def write_table(
+    results: Row, text: str, rows: Sequence[Row], columns: Sequence[str], out: Path, overwrite: bool
+) -> None:
+    """Results for programs as ``OUT.json`` and ``OUT.csv``, and for people as ``OUT.md``.
+
+    Args:
+        results: all there is.
+        text: Markdown.
+        rows, columns: of the CSV file, full precision.
+        out: the three files without their suffixes.
+        overwrite: replace files.
 
     Raises:
         OutputError: a file exists and ``overwrite`` is False, or cannot be written.
     """
+    import pandas as pd
+
     from tmca.data import write_json, write_text
 
-    write_json(results, files[0], overwrite=overwrite)
-    write_text(text, files[1], overwrite=overwrite)
+    table = pd.DataFrame(rows, columns=list(columns))
+    texts = {".csv": table.to_csv(index=False, float_format=lambda value: repr(float(value))), ".md": text}
+    write_json(results, out.with_name(f"{out.name}.json"), overwrite=overwrite)
+    for suffix, content in texts.items():
+        write_text(content, out.with_name(f"{out.name}{suffix}"), overwrite=overwrite)
 
 
-def by_scene(cells: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """Means over seeds of every metric, scene by scene."""
-    groups = grouped(cells, "scene").items()
-    return {
-        scene: mean_over_scenes({str(i): cell["metrics"] for i, cell in enumerate(own)}) for (scene,), own in groups
-    }
+def means(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Mean of every number over the rows that have it."""
+    known: dict[str, list[float]] = {}
+    for row in rows:
+        for name, value in row.items():
+            known.setdefault(name, []).append(value)
+    return {name: mean(values) for name, values in known.items()}
 
 
-def mean_over_scenes(scenes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Mean of every metric over the scenes that have it."""
-    names = dict.fromkeys(name for scene in scenes.values() for name in scene)
-    known = {name: [scene[name] for scene in scenes.values() if name in scene] for name in names}
-    return {name: sum(values) / len(values) for name, values in known.items()}
+def mean(values: Sequence[Any]) -> float:
+    """Of numbers."""
+    return float(sum(values) / len(values))
 
 
-def grouped(cells: Sequence[Row], *names: str) -> dict[tuple[Any, ...], list[Row]]:
+def grouped(cells: Iterable[Row], *names: str) -> dict[tuple[Any, ...], list[Row]]:
     """Cells that agree in some settings, in the order in which these first occur."""
     groups: dict[tuple[Any, ...], list[Row]] = {}
     for cell in cells:
@@ -105,7 +120,7 @@ def grouped(cells: Sequence[Row], *names: str) -> dict[tuple[Any, ...], list[Row
     return groups
 
 
-def training_rows(study: Study, measured: Sequence[Measured]) -> list[Row]:
+def training_rows(measured: Iterable[Measured]) -> list[Row]:
     """What every training took, and its validation figures."""
     return [
         {"code": cell["code"], "decoder": cell["decoder"], "seed": cell["seed"],
@@ -114,38 +129,31 @@ def training_rows(study: Study, measured: Sequence[Measured]) -> list[Row]:
     ]  # fmt: skip
 
 
-def rows_of(study: Study, measured: Sequence[Measured], *, metric: str = "psnr") -> list[Row]:
+def rows_of(study: Study, cells: Iterable[Measured], trainings: Sequence[Row]) -> list[Row]:
     """A row for every code, noise and decoder: means over scenes of the means over seeds.
 
     Args:
         study: what was compared.
-        measured: its cells.
-        metric: that is given seed by seed too, as ``seed_METRIC``.
+        cells: measurements.
+        trainings: of ``training_rows``.
     """
-    cells = [cell for cell in measured if "metrics" in cell]
-    trainings = training_rows(study, measured)
-    return [row_of(study, own, trainings, metric) for own in grouped(cells, "code", "noise", "decoder").values()]
+    metric = study.evaluation.metric
+    rows = []
+    for (code, noise, decoder), own in grouped(cells, "code", "noise", "decoder").items():
+        scenes = {scene: means(cell["metrics"] for cell in part) for (scene,), part in grouped(own, "scene").items()}
+        seeds = sorted(grouped(own, "seed").items())
+        rows.append({
+            "method": f"{code} + {study.decoder_labels[decoder]}", "exposure": "equal",
+            "code": code, "noise": noise, "decoder": decoder, "scenes": scenes, **means(scenes.values()),
+            f"seed_{metric}": [mean([cell["metrics"][metric] for cell in part]) for _, part in seeds],
+            **means({name: cell[name] for name in ("throughput", "seconds")} for cell in own),
+            "training_cpu_minutes": _training_minutes(study, code, decoder, trainings),
+            **study.evaluation.row(own),
+        })  # fmt: skip
+    return rows
 
 
-def row_of(study: Study, cells: Sequence[Measured], trainings: Sequence[Row], metric: str) -> Row:
-    """One of them."""
-    first, scenes = cells[0], by_scene(cells)
-    code, noise, decoder = first["code"], first["noise"], first["decoder"]
-    seeds = [
-        [cell["metrics"][metric] for cell in cells if cell["seed"] == seed]
-        for seed in sorted({cell["seed"] for cell in cells})
-    ]
-    return {
-        "method": f"{code} + {study.decoder_labels[decoder]}", "exposure": "equal",
-        "code": code, "noise": noise, "decoder": decoder, "scenes": scenes, **mean_over_scenes(scenes),
-        f"seed_{metric}": [mean(values) for values in seeds],
-        "throughput": mean([cell["throughput"] for cell in cells]),
-        "seconds": mean([cell["seconds"] for cell in cells]),
-        "training_cpu_minutes": training_minutes(study, code, decoder, trainings),
-    }  # fmt: skip
-
-
-def training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:
+def _training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:
     """CPU minutes of learning, means over seeds: of the row's network, and of that which its codes learned with."""
     learn = study.codes[code].learn
     learners = [name for name, others in learn.networks.items() if decoder in others] if learn else []
@@ -156,19 +164,7 @@ def training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[
     return spent
 
 
-def mean(values: Sequence[Any]) -> float:
-    """Of numbers."""
-    return float(sum(values) / len(values))
-
-
-def csv_text(rows: Sequence[Row], columns: Sequence[str]) -> str:
-    """Rows as CSV, full precision."""
-    import pandas as pd
-
-    return pd.DataFrame(rows, columns=list(columns)).to_csv(index=False, float_format=lambda value: repr(float(value)))
-
-
-def markdown_table(rows: Sequence[Row], columns: Sequence[tuple[str, str, str]]) -> str:
+def markdown_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
     """Rows as a Markdown table.
 
     Args:
