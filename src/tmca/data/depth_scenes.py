@@ -138,24 +138,6 @@ def load_any_depth_scene(
     return load_spectral_depth(source, wavelengths, **how)
 
 
-def check_depth_scenes(learned: Sequence[str], measured: Sequence[str], size: tuple[int, int], **how: Any) -> None:
-    """Read every scene as cells will, so that one that cannot be used is named before anything is made.
-
-    Args:
-        learned: scenes to learn from.
-        measured: scenes whose middle (H, W) is measured.
-        size: (H, W).
-        how: ``wavelengths``, ``near``, ``far``, ``side``, ``placed`` and ``from_rgb`` of `load_any_depth_scene`.
-
-    Raises:
-        DataError, SettingError: as `load_any_depth_scene`; a measured scene smaller than its middle.
-    """
-    for name in dict.fromkeys(learned):
-        load_any_depth_scene(name, **how)
-    for name in dict.fromkeys(measured):
-        middle_of(load_any_depth_scene(name, materials="test", **how), size, name)
-
-
 def check_depth_scene(source: str, placed: str | None, from_rgb: bool) -> tuple[str, int]:
     """Kind and shorter side of a file or folder, in pixels.
 

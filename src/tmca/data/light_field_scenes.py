@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -191,7 +190,7 @@ def check_asked(sources: Sequence[str], **asked: Any) -> None:
 
 
 def read_middle(name: str, views: int, reading: Reading, size: Sequence[int] | None = None) -> xr.DataArray:
-    """A light field in grey: the middle of one from files, or a rendered one; the last few are kept.
+    """A light field in grey: the middle of one from files, or a rendered one.
 
     Args:
         name: what ``load_light_field`` reads.
@@ -199,35 +198,5 @@ def read_middle(name: str, views: int, reading: Reading, size: Sequence[int] | N
         reading: what is asked of files.
         size: (H, W); without it all of a file, and a rendered one as networks learn from.
     """
-    frame = (size[0], size[1]) if size else None
-    return _read(name, views, frame if Path(name).exists() or frame else RENDERED, **reading.of(name))
-
-
-@lru_cache(maxsize=3)
-def _read(name: str, views: int, size: tuple[int, int] | None, **own: Any) -> xr.DataArray:
-    return load_light_field(name, views=views, size=size, **own)
-
-
-def check_light_fields(
-    learned: Sequence[str],
-    measured: Sequence[str],
-    views: int,
-    reading: Reading,
-    measured_as: Reading,
-    size: Sequence[int] | None = None,
-) -> None:
-    """Read every light field as later work will, so that one that cannot be used is named before anything is made.
-
-    Args:
-        learned: light fields to learn from, read as ``reading`` says.
-        measured: others, read as ``measured_as`` says.
-        views: n for the centre n×n views.
-        size: (H, W), the middle of those that are measured.
-
-    Raises:
-        DataError, SettingError: as ``load_light_field``.
-    """
-    for name in dict.fromkeys(learned):
-        read_middle(name, views, reading)
-    for name in dict.fromkeys(measured):
-        read_middle(name, views, measured_as, size)
+    frame = (size[0], size[1]) if size else None if Path(name).exists() else RENDERED
+    return load_light_field(name, views=views, size=frame, **reading.of(name))

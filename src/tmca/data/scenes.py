@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
@@ -124,17 +124,3 @@ def load_scene(
     if not cube.values.any():
         warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
     return cube
-
-
-def check_readable(scenes: Iterable[str | Path], bands: int, size: tuple[int, int] | None = None) -> None:
-    """Read every scene as later work will, so that one that cannot be used is named before anything is made.
-
-    Args:
-        scenes: names that ``load_scene`` understands.
-        bands, size: as for ``load_scene``.
-
-    Raises:
-        DataError, SettingError: as ``load_scene``.
-    """
-    for scene in dict.fromkeys(map(str, scenes)):
-        load_scene(scene, bands=bands, size=size)
