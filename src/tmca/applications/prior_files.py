@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Snapshot, camera_of
+from tmca.data import check_target
 from tmca.data.fitting import at_bands
-from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, load_light_field
 from tmca.data.scenes import load_scene
 from tmca.decoders.likelihood import usual_window
-from tmca.errors import OutputError, SettingError
+from tmca.errors import SettingError
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior
 from tmca.priors.spectral_depth import needed_block
@@ -23,55 +23,37 @@ if TYPE_CHECKING:
 _FRAME = 128
 Report = Callable[[float, str], None]
 """Called with the share that is done and what is done."""
+Read = Callable[[str], "xr.DataArray"]
+Settings = Callable[[Sequence["xr.DataArray"]], dict[str, Any]]
 
 
-def learn_to_file(
-    scenes: Sequence[str],
-    out: Path,
-    *,
-    mixture: bool = False,
-    split: Path | None = None,
-    bands: int | None = 12,
-    extent: int | None = None,
-    like: Path | None = None,
-    reading: dict[str, Any] | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    seed: int = 0,
-    progress: Report | None = None,
-) -> Prior:
-    """Learn a prior from files, rendered scenes or a split, and write it with its picture.
+def cube_reader(
+    bands: int | None, extent: int | None, like: Path | None, reading: Mapping[str, Any], mixture: bool = False
+) -> tuple[Read, Settings]:
+    """What reads the cubes of a prior, and its settings, from the cubes.
 
-    ``like`` is a snapshot of the spectral-depth camera, whose bands and block the prior gets.
+    Args:
+        bands: nearest to even spacing from 400 to 700 nm; all if None.
+        extent: pixels between the first and the last band on the sensor; one per band if None.
+        like: a snapshot of the spectral-depth camera, whose bands and block the prior gets.
+        reading: further arguments of ``load_scene``.
+        mixture: whether it is one of Gaussians.
 
     Raises:
-        SettingError: no scenes, or ``like`` beside what it decides.
-        OutputError: a file exists.
+        SettingError: ``like`` beside what it decides.
     """
-    from tmca.data import read_split
-
-    for file in (out, figure):
-        if file is not None and file.exists() and not overwrite:
-            raise OutputError(file, "an existing file", "a new name", "pass --overwrite")
-    sources = [*scenes, *(map(str, read_split(split)) if split else ())]
-    if not sources:
-        raise SettingError("prior learn", "no scenes", "cube files, rendered scenes or --split")
     if extent is not None and extent < 0:
         raise SettingError("--spread", str(extent), "0 pixels or more")
     wavelengths, block = (None, None) if like is None else _needed(like, mixture, extent)
-    cubes, report = [], progress or (lambda share, step: None)
-    for index, source in enumerate(sources):
-        report(0.5 * index / len(sources), f"reading {source}")
-        cube = load_scene(source, bands=None if wavelengths else bands, **(reading or {}))
-        cubes.append(at_bands(cube, wavelengths) if wavelengths else cube)
-    report(0.5, f"learning the {'mixture ' if mixture else ''}prior")
-    wide = cubes[0].sizes["wavelength"] - 1 if extent is None else extent
-    kind = "mixture" if mixture else "gaussian"
-    prior = learn_prior(cubes, None, kind, extent=wide, block=block, seed=seed)
-    prior.save(out, overwrite=overwrite)
-    if figure is not None:
-        save_figure(prior.figure(), figure, overwrite=overwrite)
-    return prior
+
+    def read(source: str) -> xr.DataArray:
+        cube = load_scene(source, bands=None if wavelengths else bands, **reading)
+        return at_bands(cube, wavelengths) if wavelengths else cube
+
+    def settings(cubes: Sequence[xr.DataArray]) -> dict[str, Any]:
+        return {"extent": cubes[0].sizes["wavelength"] - 1 if extent is None else extent, "block": block}
+
+    return read, settings
 
 
 def _needed(like: Path, mixture: bool, extent: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
@@ -85,69 +67,51 @@ def _needed(like: Path, mixture: bool, extent: int | None) -> tuple[tuple[float,
     return camera.wavelengths, needed_block(usual_window(camera), camera.psf_window)
 
 
-def learn_views_to_file(
-    sources: Sequence[str],
+def write_prior(
+    names: Sequence[str],
+    read: Read,
     out: Path,
+    kind: str,
+    settings: Settings,
     *,
-    split: Path | None = None,
-    views: int = 5,
-    reading: Reading = NOTHING,
-    kind: str = "gaussian",
-    atoms: int = 1024,
     seed: int = 0,
     figure: Path | None = None,
     overwrite: bool = False,
     progress: Report | None = None,
 ) -> Prior:
-    """Learn a prior or a dictionary of light fields, and write it with its picture.
+    """Learn a prior of some scenes, and write it with its picture.
 
     Args:
-        sources: what ``load_light_field`` reads.
+        names: of the scenes.
+        read: reads one.
         out: file to write.
-        split: a split file whose light fields are added.
-        views: n for the centre n×n views.
-        reading: of those from files.
-        kind: ``"gaussian"``, ``"mixture"`` (of Gaussians) or ``"dictionary"``.
-        atoms: of the dictionary.
-        seed: of the patches that a dictionary or a mixture learns from.
+        kind: of the prior.
+        settings: arguments of ``learn_prior``, from the scenes.
+        seed: of the blocks or patches that are drawn.
         figure: PNG to write.
         overwrite: replace files.
         progress: called with the share that is done and what is done.
 
     Raises:
-        SettingError: no light fields, an unknown kind, or a reading that applies to none of them.
+        SettingError: no scenes.
         OutputError: a file exists.
     """
-    from tmca.data import check_target, read_split
-
+    if not names:
+        raise SettingError("prior", "no scenes", "files, rendered scenes or --split")
     for file in (out, figure):
         if file is not None:
             check_target(file, overwrite)
-    if kind not in ("gaussian", "mixture", "dictionary"):
-        raise SettingError("kind", repr(kind), "gaussian, mixture or dictionary")
-    names = [*sources, *(map(str, read_split(split)) if split else ())]
-    if not names:
-        raise SettingError("prior learn-views", "no light fields", "folders, files, rendered scenes or --split")
-    check_asked(names, **vars(reading))
-    report = progress or (lambda share, step: None)
-    fields = _read(names, views, reading, report)
-    report(0.3, f"learning the {'dictionary' if kind == 'dictionary' else 'prior'}")
-    settings: dict[str, Any] = {}
-    if kind == "dictionary":
-        settings = {"atoms": atoms, "progress": lambda share: report(0.3 + 0.7 * share, "learning the dictionary")}
-    prior = learn_prior(fields, None, kind, seed=seed, **settings)
+    report, scenes = progress or (lambda share, step: None), []
+    for index, name in enumerate(names):
+        report(0.3 * index / len(names), f"reading {name}")
+        scenes.append(read(name))
+    report(0.3, f"learning the {kind} prior" if kind != "dictionary" else "learning the dictionary")
+    told = {"progress": lambda share: report(0.3 + 0.7 * share, "learning the dictionary")}
+    prior = learn_prior(scenes, None, kind, seed=seed, **settings(scenes), **(told if kind == "dictionary" else {}))
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)
     return prior
-
-
-def _read(names: Sequence[str], views: int, reading: Reading, report: Report) -> list[xr.DataArray]:
-    fields = []
-    for index, name in enumerate(names):
-        report(0.3 * index / len(names), f"reading {name}")
-        fields.append(load_light_field(name, views=views, **reading.of(name)))
-    return fields
 
 
 def expected(prior: Path, spec: SpectralSpec, sensor: SensorSpec) -> dict[str, float]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json as json_module
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -48,28 +49,17 @@ def learn(
         overwrite: replace files that exist.
         seed: of the random blocks.
     """
-    from tmca.applications.prior_files import learn_to_file
+    from tmca.applications.prior_files import cube_reader, write_prior
     from tmca.cli.progress import progress_bar
 
     check_figure(figure, overwrite)
+    read, settings = cube_reader(None if all_bands else bands, extent, like, reading.given(), mixture)
+    kind, how = "mixture" if mixture else "gaussian", {"seed": seed, "figure": figure, "overwrite": overwrite}
     with progress_bar(f"prior {out.name}") as progress:
-        prior = learn_to_file(
-            scenes,
-            out,
-            mixture=mixture,
-            split=split,
-            bands=None if all_bands else bands,
-            extent=extent,
-            like=like,
-            reading=reading.given(),
-            seed=seed,
-            figure=figure,
-            overwrite=overwrite,
-            progress=progress,
-        )
-    rows, columns = prior.block[1:]
-    kind = "mixture" if mixture else "Gaussian"
-    print(f"{out}: {kind} prior of blocks {prior.block[0]} × {rows} × {columns} (bands, rows, columns)")
+        prior = write_prior(_named(scenes, split), read, out, kind, settings, progress=progress, **how)
+    sizes = " × ".join(map(str, prior.block))
+    named = "mixture" if mixture else "Gaussian"
+    print(f"{out}: {named} prior of blocks {sizes} (bands, rows, columns)")
 
 
 @app.command
@@ -98,22 +88,33 @@ def learn_views(
         overwrite: replace files that exist.
         seed: of the patches that a dictionary or a mixture learns from.
     """
-    from tmca.applications.prior_files import learn_views_to_file
+    from tmca.applications.prior_files import write_prior
     from tmca.cli.progress import progress_bar
-    from tmca.data.light_field_scenes import Reading
+    from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 
     check_figure(figure, overwrite)
     if dictionary and mixture:
         raise SettingError("prior learn-views", "--dictionary and --mixture", "one of them", "leave one out")
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
+    asked, names = Reading(**reading.files()), _named(light_fields, split)
+    check_asked(names, **vars(asked))
+    settings, how = {"atoms": atoms} if dictionary else {}, {"seed": seed, "figure": figure, "overwrite": overwrite}
+
+    def read(name: str) -> Any:
+        return load_light_field(name, views=reading.views, **asked.of(name))
+
     with progress_bar(f"prior {out.name}") as progress:
-        learned = learn_views_to_file(
-            light_fields, out, split=split, views=reading.views, reading=Reading(**reading.files()), kind=kind,
-            atoms=atoms, seed=seed, figure=figure, overwrite=overwrite, progress=progress,
-        )  # fmt: skip
+        learned = write_prior(names, read, out, kind, lambda _: settings, progress=progress, **how)
     channels, rows, columns = learned.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
     print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")
+
+
+def _named(scenes: Sequence[str], split: Path | None) -> list[str]:
+    """Scenes that are named, and those of a split."""
+    from tmca.data import read_split
+
+    return [*scenes, *(map(str, read_split(split)) if split else ())]
 
 
 @app.command
