@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from math import inf, isfinite
 from typing import Any
 
@@ -13,31 +13,14 @@ from tmca.yaml_files import read_yaml
 Pair = tuple[float, float]
 
 
-def _range(low: float, high: float, unit: str) -> Any:
-    return {"low": low, "high": high, "unit": unit}
+_TWO = "pixels, one number or (rows, columns), within ±1000"
 
 
-LIMITS: dict[str, dict[str, Any]] = {
-    "contrast_ratio": _range(1, inf, "open light over closed light, above 1"),
-    "leakage": _range(0, 1, "share of the light, 0 to 1"),
-    "switching": _range(0, 1, "share of a slot, 0 to 1"),
-    "dead_time": _range(0, 1, "share of a slot, 0 to 1"),
-    "delay": _range(-64, 64, "slots, within ±64"),
-    "jitter": _range(0, 1, "slots, 0 to 1"),
-    "rolling": _range(-64, 64, "slots, within ±64"),
-    "misregistration": _range(-1000, 1000, "pixels, one number or (rows, columns), within ±1000"),
-    "magnification": _range(0.5, 2, "0.5 to 2"),
-    "rotation": _range(-180, 180, "degrees, within ±180"),
-    "dispersion_error": _range(-1, 1, "share of the displacement, within ±1"),
-    "shear_error": _range(-1, 1, "share of the shear, within ±1"),
-    "blur": _range(0, 20, "pixels, 0 to 20"),
-    "height_error": _range(-1, 1, "share of the heights, within ±1"),
-    "wavefront_error": _range(0, 1e-5, "metres, 0 to 1e-5"),
-    "hot_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
-    "dead_pixels": _range(0, 1, "share of the pixels, 0 to 1"),
-    "motion": _range(-1000, 1000, "pixels, one number or (rows, columns), within ±1000"),
-}
-"""Least and largest value of every fault, and its unit in words."""
+def _fault(default: float, low: float, high: float, unit: str) -> Any:
+    """A field with its range, and its unit in words."""
+    return field(default=default, metadata={"low": low, "high": high, "unit": unit})
+
+
 PAIRS = ("misregistration", "motion")
 """Faults along rows and columns."""
 PARTS = {
@@ -78,24 +61,24 @@ class Hardware:
         SettingError: a value that is not finite or outside its range.
     """
 
-    contrast_ratio: float = inf
-    leakage: float = 0.0
-    switching: float = 0.0
-    dead_time: float = 0.0
-    delay: float = 0.0
-    jitter: float = 0.0
-    rolling: float = 0.0
-    misregistration: float | Pair = 0.0
-    magnification: float = 1.0
-    rotation: float = 0.0
-    dispersion_error: float = 0.0
-    shear_error: float = 0.0
-    blur: float = 0.0
-    height_error: float = 0.0
-    wavefront_error: float = 0.0
-    hot_pixels: float = 0.0
-    dead_pixels: float = 0.0
-    motion: float | Pair = 0.0
+    contrast_ratio: float = _fault(inf, 1, inf, "open light over closed light, above 1")
+    leakage: float = _fault(0.0, 0, 1, "share of the light, 0 to 1")
+    switching: float = _fault(0.0, 0, 1, "share of a slot, 0 to 1")
+    dead_time: float = _fault(0.0, 0, 1, "share of a slot, 0 to 1")
+    delay: float = _fault(0.0, -64, 64, "slots, within ±64")
+    jitter: float = _fault(0.0, 0, 1, "slots, 0 to 1")
+    rolling: float = _fault(0.0, -64, 64, "slots, within ±64")
+    misregistration: float | Pair = _fault(0.0, -1000, 1000, _TWO)  # noqa: RUF009
+    magnification: float = _fault(1.0, 0.5, 2, "0.5 to 2")
+    rotation: float = _fault(0.0, -180, 180, "degrees, within ±180")
+    dispersion_error: float = _fault(0.0, -1, 1, "share of the displacement, within ±1")
+    shear_error: float = _fault(0.0, -1, 1, "share of the shear, within ±1")
+    blur: float = _fault(0.0, 0, 20, "pixels, 0 to 20")
+    height_error: float = _fault(0.0, -1, 1, "share of the heights, within ±1")
+    wavefront_error: float = _fault(0.0, 0, 1e-5, "metres, 0 to 1e-5")
+    hot_pixels: float = _fault(0.0, 0, 1, "share of the pixels, 0 to 1")
+    dead_pixels: float = _fault(0.0, 0, 1, "share of the pixels, 0 to 1")
+    motion: float | Pair = _fault(0.0, -1000, 1000, _TWO)  # noqa: RUF009
 
     def __post_init__(self) -> None:
         for name, limit in LIMITS.items():
@@ -150,7 +133,7 @@ class Hardware:
 
     def faults(self) -> dict[str, Any]:
         """Those that there are."""
-        perfect = {field.name: field.default for field in fields(self)}
+        perfect = {one.name: one.default for one in fields(self)}
         return {name: value for name, value in asdict(self).items() if value != perfect[name]}
 
     def described(self) -> str:
@@ -166,6 +149,10 @@ class Hardware:
                 raise SettingError(
                     name, str(getattr(self, name)), f"none in a {application} camera, which has {possible}"
                 )
+
+
+LIMITS = {one.name: dict(one.metadata) for one in fields(Hardware)}
+"""Least and largest value of every fault, and its unit in words."""
 
 
 def _pair(both: float | Pair) -> Pair:
