@@ -41,7 +41,7 @@ def good(folder):
 
 def missing(folder):
     (folder / "scene" / "input_Cam004.png").unlink()
-    return "scene: found 8 views, without number 4, expected 3×3 views numbered 0 to 8 as parameters.cfg says; add"
+    return "scene: found 8 views, none for number 4, expected one for each place of a 3×3 grid; add what is missing"
 
 
 def lenslet(folder):

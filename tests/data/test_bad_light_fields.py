@@ -68,7 +68,7 @@ SPOILT = {
     "no numbers": (lambda f: hci(f, without=("num_cams_x", "baseline_mm")), "bad/parameters.cfg", "baseline_mm"),
     "no text": (lambda f: (hci(f) / "parameters.cfg").write_bytes(b"\xff\xfe"), "bad/parameters.cfg", "unreadable"),
     "another resolution": (lambda f: hci(f, size=(512, 512)), "bad/parameters.cfg", "512×512"),
-    "another grid": (lambda f: hci(f, side=9), "bad", "0 to 80 as parameters.cfg says"),
+    "another grid": (lambda f: hci(f, side=9), "bad", "9×9 grid"),
     "another grid of names": (lambda f: write_parameters(plain(f), side=9), "bad/parameters.cfg", "num_cams_y = 9"),
     "a stated grid": (
         lambda f: edited(without(hci(f, side=9), "input_Cam017.png"), "num_cams_y = 9", "num_cams_y = 3"),

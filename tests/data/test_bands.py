@@ -62,14 +62,9 @@ def test_more_bands_than_the_cube_has_apart_is_an_error():
 
 
 def test_a_range_that_is_not_covered_is_an_error():
-    with pytest.raises(DataError, match=r"bands from 400 to 700 nm, expected bands that cover 380 to 700"):
-        select_bands(CAVE, 5, low=380e-9)
-    with pytest.raises(DataError, match=r"cover 400 to 1000"):
-        select_bands(CAVE, 5, high=1000e-9)
     uneven = cube_of([429.5, 442.5, 456, 471.5, 489.5, 510.5, 534, 562, 598, 646, 687])
     with pytest.raises(DataError, match=r"429\.5 to 687 nm"):
         select_bands(uneven, 4)
-    assert select_bands(uneven, 4, low=430e-9, high=687e-9).sizes["wavelength"] == 4
 
 
 def test_half_a_band_beyond_the_last_centre_is_covered():
@@ -78,9 +73,8 @@ def test_half_a_band_beyond_the_last_centre_is_covered():
 
 
 def test_impossible_settings_are_refused():
-    for count, low, high in ((0, 4e-7, 7e-7), (3, 7e-7, 4e-7), (3, 400, 700)):
-        with pytest.raises((SettingError, DataError)):
-            select_bands(CAVE, count, low, high)
+    with pytest.raises(SettingError, match=r"1 band or more"):
+        select_bands(CAVE, 0)
     with pytest.raises(SettingError, match=r"empty list"):
         nearest_bands(CAVE, [])
     with pytest.raises(DataError, match=r"no wavelength coordinate"):

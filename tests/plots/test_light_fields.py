@@ -137,7 +137,7 @@ def test_views_are_never_enlarged_beyond_a_megabyte_or_so(views, size):
 
 
 def test_the_sub_images_name_the_angles_of_the_views():
-    figure = sub_images_figure({"code": np.random.default_rng(0).random((3, 5, 4, 6))})
+    figure = sub_images_figure(np.random.default_rng(0).random((3, 5, 4, 6)), "code")
     across, down = figure.axes[0].get_xticklabels(), figure.axes[0].get_yticklabels()
     assert [label.get_text() for label in across] == ["-2", "0", "2"]
     assert [label.get_text() for label in down] == ["-1", "1"]  # no room for the centre of three
@@ -145,7 +145,7 @@ def test_the_sub_images_name_the_angles_of_the_views():
 
 @pytest.mark.parametrize("size", [(12, 40), (40, 12)])
 def test_a_colour_bar_is_as_high_as_its_picture(size):
-    figure = sub_images_figure({"code": np.random.default_rng(0).random((3, 3, *size))})
+    figure = sub_images_figure(np.random.default_rng(0).random((3, 3, *size)), "code")
     FigureCanvasAgg(figure).draw()
     picture = figure.axes[0].get_window_extent()
     bar = figure.axes[0].child_axes[0].get_window_extent()
@@ -200,7 +200,7 @@ def test_shapes_that_differ_are_refused():
     with pytest.raises(ShapeError):
         light_field_figure({"a": truth[..., :10]}, truth)
     with pytest.raises(ShapeError):
-        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0])
+        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0], truth[0, 0])
 
 
 def test_without_a_snapshot_the_first_error_is_that_of_the_true_centre_view():
@@ -225,7 +225,7 @@ def test_the_scale_of_errors_fits_nine_tenths_of_them(size, top):
 
 def test_all_errors_of_disparity_share_a_scale_that_the_bar_explains():
     truth = np.zeros((10, 20))
-    figure = disparity_figure({"good": truth + 0.1, "fair": truth + 1.2, "bad": truth + 1.4}, truth)
+    figure = disparity_figure({"good": truth + 0.1, "fair": truth + 1.2, "bad": truth + 1.4}, truth, truth)
     errors = [axis.images[0] for axis in figure.axes if axis.get_title().startswith("MAE")]
     assert [shown.norm.vmax for shown in errors] == [1.5, 1.5, 1.5]
     assert "0.0% above 1.5" in figure.axes[3].child_axes[0].get_ylabel()
@@ -240,8 +240,8 @@ def test_figures_are_drawn_for_grey_and_colour_tall_and_wide(shape):
         light_field_figure({"a": estimate}),
         refocus_strip(truth, (1, 0), "strip"),
         view_psnr_figure({"a": np.full(shape[-4:-2], 30.0), "exact": np.full(shape[-4:-2], np.inf)}),
-        disparity_figure({"a": flat}, np.where(np.eye(*shape[-2:]), np.nan, 0.2)),
-        sub_images_figure({"code": np.random.default_rng(0).random((3, 3, 4, 5))}),
+        disparity_figure({"a": flat}, np.where(np.eye(*shape[-2:]), np.nan, 0.2), flat),
+        sub_images_figure(np.random.default_rng(0).random((3, 3, 4, 5)), "code"),
     ]
     for figure in figures:
         FigureCanvasAgg(figure).draw()

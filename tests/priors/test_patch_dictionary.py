@@ -113,7 +113,7 @@ def test_an_atom_is_drawn_as_its_views_side_by_side():
 def test_a_picture_of_the_file_shows_the_atoms(learned, tmp_path):
     path = learned.save(tmp_path / "atoms.nc")
     assert picture_of(path, tmp_path / "atoms.png").stat().st_size > 5000
-    assert len(learned.figure(atoms=10).axes) == 11
+    assert len(learned.figure().axes) == 25
 
 
 def test_progress_is_told_to_the_end():

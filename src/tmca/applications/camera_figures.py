@@ -37,7 +37,7 @@ def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
 def rays_figure(camera: LightFieldCamera) -> Figure:
     """What each mask point does to the rays that cross it."""
     seen = camera.code_through_mask().detach().cpu().numpy()
-    return codes.sub_images_figure({f"code seen from the mask, K = {camera.slots}": seen})
+    return codes.sub_images_figure(seen, f"code seen from the mask, K = {camera.slots}")
 
 
 def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:

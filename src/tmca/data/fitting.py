@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Size = tuple[int, int]
+_VISIBLE = (400e-9, 700e-9)
+"""Metres between which bands are chosen."""
 Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
@@ -106,25 +108,22 @@ def middle_of(scene: Scene, size: Size, where: object) -> Scene:
     return scene.isel(y=rows, x=columns)
 
 
-def select_bands(cube: xr.DataArray, count: int, low: float = 400e-9, high: float = 700e-9) -> xr.DataArray:
-    """The ``count`` bands nearest to even spacing from ``low`` to ``high``.
+def select_bands(cube: xr.DataArray, count: int) -> xr.DataArray:
+    """The ``count`` bands nearest to even spacing from 400 to 700 nm.
 
     For CAVE's 31 bands and ``count=12`` these are 0, 3, 5, 8, 11, 14, 16, 19, 22, 25, 27, 30.
 
     Args:
         cube: with a ``wavelength`` coordinate in metres.
         count: how many bands, 1 or more; one band is the one nearest to the middle.
-        low: metres.
-        high: metres.
 
     Raises:
-        SettingError: an impossible count or range, or so many bands that one would be taken twice.
+        SettingError: an impossible count, or so many bands that one would be taken twice.
         DataError: the cube has no wavelengths or does not cover the range.
     """
+    low, high = _VISIBLE
     if count < 1:
         raise SettingError("bands", str(count), "1 band or more")
-    if not 0 < low < high:
-        raise SettingError("low, high", f"{low:g} m to {high:g} m", "0 < low < high, in metres")
     _covering(cube, np.array([low, high]))
     targets = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     return nearest_bands(cube, targets)

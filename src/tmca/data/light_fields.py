@@ -282,7 +282,6 @@ def read_disparity(
     *,
     crop: tuple[int, int] | None = None,
     scale: int | None = None,
-    size: tuple[int, int] | None = None,
     pattern: str | None = None,
 ) -> xarray.DataArray:
     """Disparity of the centre view in px per view step, brought to the pixels of `read_light_field`.
@@ -294,7 +293,6 @@ def read_disparity(
         path: a folder of views with its map, a ``.pfm`` or ``.npy`` map, or a labelled file with ``disparity``.
         crop: as in `read_light_field`.
         scale: as in `read_light_field`.
-        size: (H, W) that the map must have before both; that of the views for a folder.
         pattern: of the views' names in a folder, as in `read_light_field`.
 
     Returns:
@@ -308,8 +306,8 @@ def read_disparity(
 
     path = Path(path)
     values, source = _values(path)
-    expected = _size_of_views(path, pattern) if size is None else size
-    if expected is not None and values.shape != tuple(expected):
+    expected = _size_of_views(path, pattern)
+    if expected is not None and values.shape != expected:
         raise wrong_size(source, "a map", values.shape, expected, "the views have")
     refuse_not_finite(values, source, ("y", "x"))
     height, width = values.shape

@@ -95,15 +95,11 @@ _SUM_FIRST = re.compile(r"([0-9a-fA-F]{64})\s+\*?(.+)")
 _SUM_LAST = re.compile(r"(.+?)\s+([0-9a-fA-F]{64})")
 
 
-def read_split(path: str | Path, root: str | Path | None = None, manifest: str | Path | None = None) -> list[Path]:
-    """The files and folders of a split, each verified against its checksum.
+def read_split(path: str | Path) -> list[Path]:
+    """The files and folders of a split, each verified against its checksum, or that in the root's manifest.
 
-    Args:
-        path: the split.
-        root: the folder its paths are relative to; by default the nearest folder above the split with a
-            ``MANIFEST.sha256``, else the split's own folder.
-        manifest: a ``sha256sum`` list for entries without a checksum of their own; by default the root's
-            ``MANIFEST.sha256`` if there is one. Entries in neither are only checked to exist.
+    The root, to which its paths are relative, is the nearest folder above the split with a ``MANIFEST.sha256``, else
+    the split's own folder. Entries without any checksum are only checked to exist.
 
     Returns:
         ``root / entry`` in the split's order, also where it is a scene's name and not itself a file.
@@ -115,9 +111,8 @@ def read_split(path: str | Path, root: str | Path | None = None, manifest: str |
     entries = parse_sums(path)
     if not entries:
         raise DataError(path, "an empty split", "one relative path per line")
-    base = Path(root) if root is not None else _root_of(path)
-    listed = Path(manifest) if manifest is not None else base / MANIFEST
-    sums = parse_sums(listed) if manifest is not None or listed.is_file() else {}
+    base = _root_of(path)
+    sums = parse_sums(base / MANIFEST) if (base / MANIFEST).is_file() else {}
     return [_verified(path, base, name, checksum, sums) for name, checksum in entries.items()]
 
 

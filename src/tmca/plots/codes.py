@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-CORNER = 48
+CORNER, _POINTS = 48, 10
+"""Pixels of codes, and mask points, that are shown along each side."""
 
 
 def snapshot_figure(snapshot: np.ndarray, full_scale: float, channel: str, title: str) -> Figure:
@@ -133,26 +134,23 @@ def sub_images(code: np.ndarray) -> np.ndarray:
     return mosaic(np.moveaxis(code, (2, 3), (0, 1)), gap=1)
 
 
-def sub_images_figure(codes: Mapping[str, np.ndarray], corner: int = 10) -> Figure:
-    """Sub-images of mask points in the middle of each code, on one scale (thesis figure 15).
+def sub_images_figure(code: np.ndarray, name: str) -> Figure:
+    """Sub-images of mask points in the middle of a code (thesis figure 15).
 
     A static code answers alike to all rays through a mask point; a time-multiplexed one tells their angles apart. The
     ticks name the views of the first sub-image, from which its rays come.
 
     Args:
-        codes: name → ``(V, U, Hm, Wm)`` transmittance seen from the mask.
-        corner: mask points shown along each side.
+        code: ``(V, U, Hm, Wm)`` transmittance seen from the mask.
+        name: in the title.
     """
-    sheets = {name: sub_images(_middle(np.asarray(code), corner)) for name, code in codes.items()}
-    height, width = next(iter(sheets.values())).shape
-    figure, axes = grid(1, len(sheets), width=4.4, aspect=min(max(height / width, 0.6), 2.5))
-    top = max(float(np.nanmax(sheet)) for sheet in sheets.values()) or 1.0
-    for axis, (name, sheet) in zip(axes[0], sheets.items(), strict=True):
-        views, points = codes[name].shape[:2], [min(corner, n) for n in codes[name].shape[2:]]
-        title = f"{name}\n{points[0]} × {points[1]} mask points, {views[0]} × {views[1]} angles each"
-        drawn = image(axis, sheet, title, "gray", top, unknown="#8fb8de")
-        _name_angles(axis, views)
-    add_bar(axes[0, -1], drawn, "transmittance over the exposure")
+    shown = _middle(np.asarray(code))
+    sheet, (v, u, rows, columns) = sub_images(shown), shown.shape
+    figure, axes = grid(1, 1, width=4.4, aspect=min(max(sheet.shape[0] / sheet.shape[1], 0.6), 2.5))
+    title, top = f"{name}\n{rows} × {columns} mask points, {v} × {u} angles each", float(np.nanmax(sheet)) or 1.0
+    bar = "transmittance over the exposure"
+    image(axes[0, 0], sheet, title, "gray", top, bar, unknown="#8fb8de")
+    _name_angles(axes[0, 0], (v, u))
     return figure
 
 
@@ -165,10 +163,10 @@ def _name_angles(axis: Axes, views: tuple[int, ...]) -> None:
     axis.set_ylabel("mask rows, in each the angles of views v", fontsize=8)
 
 
-def _middle(code: np.ndarray, corner: int) -> np.ndarray:
+def _middle(code: np.ndarray) -> np.ndarray:
     """The middle mask points, whose rays meet the sensor in every view."""
-    top, left = ((length - min(corner, length)) // 2 for length in code.shape[2:])
-    return code[:, :, top : top + corner, left : left + corner]
+    top, left = ((length - min(_POINTS, length)) // 2 for length in code.shape[2:])
+    return code[:, :, top : top + _POINTS, left : left + _POINTS]
 
 
 def measures_figure(

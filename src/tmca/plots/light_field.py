@@ -21,7 +21,7 @@ _WIDTH, _FINE = 3.9, 300
 _SLICE, _GAP = 0.25, 0.03
 """Parts of the enlarged window's sides: thickness of the slices, and the white before them."""
 _COLUMNS = 4
-_Cell = tuple[str, np.ndarray | None, dict[str, Any]]
+_Cell = tuple[str, np.ndarray, dict[str, Any]]
 
 
 def light_field_figure(
@@ -179,12 +179,7 @@ def _whole(levels: np.ndarray) -> float:
     return float(-10 * np.log10(error)) if error > 0 else float("inf")
 
 
-def disparity_figure(
-    maps: Mapping[str, np.ndarray],
-    truth: np.ndarray | None = None,
-    mask: np.ndarray | None = None,
-    view: np.ndarray | None = None,
-) -> Figure:
+def disparity_figure(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, view: np.ndarray) -> Figure:
     """Disparity maps on one scale, and at the right of each its error against the truth with MAE and bad pixels.
 
     The view, the truth and the first map are in the first row; then two maps to a row. The errors share a scale that
@@ -193,20 +188,18 @@ def disparity_figure(
     Args:
         maps: name → ``(H, W)``, px per view step.
         truth: ``(H, W)``; not finite where it is unknown.
-        mask: ``(H, W)``, pixels that count in the numbers.
         view: ``(H, W, 3)``, picture of the scene.
 
     Raises:
         ShapeError: shapes that differ.
     """
-    cells = _cells(maps, truth, mask, view)
+    cells = _cells(maps, truth, view)
     columns = min(_COLUMNS, len(cells))
     height, width = next(iter(maps.values())).shape
     figure, axes = grid(-(-len(cells) // columns), columns, width=3.0, aspect=min(0.9 * height / width, 2.5))
     for axis, (title, values, how) in zip(axes.flat, cells, strict=False):
-        if values is not None:
-            axis.imshow(values, interpolation="nearest", **how)
-            bare(axis, title)
+        axis.imshow(values, interpolation="nearest", **how)
+        bare(axis, title)
     place = columns - 1 if truth is None else 1
     add_bar(axes[0, place], axes[0, place].images[0], f"disparity ({_STEP})")
     if truth is not None:
@@ -215,12 +208,12 @@ def disparity_figure(
     return figure
 
 
-def _cells(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, mask: Any, view: np.ndarray | None) -> list[_Cell]:
-    """Title, picture and scale of every place, row by row; no picture where it stays empty."""
+def _cells(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, view: np.ndarray) -> list[_Cell]:
+    """Title, picture and scale of every place, row by row."""
     seen = _disparities(np.concatenate([np.ravel(m) for m in ([truth] if truth is not None else maps.values())]))
     if truth is None:
-        return ([("centre view", view, {})] if view is not None else []) + [(n, m, seen) for n, m in maps.items()]
-    captions = [_numbers(values, truth, mask) for values in maps.values()]
+        return [("centre view", view, {}), *((name, values, seen) for name, values in maps.items())]
+    captions = [_numbers(values, truth) for values in maps.values()]
     wrong = {"cmap": "magma", "vmin": 0.0, "vmax": error_top([np.abs(values - truth) for values in maps.values()])}
     cells: list[_Cell] = [("centre view", view, {}), ("ground truth", truth, seen)]
     for numbers, (name, values) in zip(captions, maps.items(), strict=True):
@@ -255,9 +248,9 @@ def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) 
     return f"error ({_STEP}){share}"
 
 
-def _numbers(estimate: np.ndarray, truth: np.ndarray, mask: Any) -> str:
+def _numbers(estimate: np.ndarray, truth: np.ndarray) -> str:
     from tmca.metrics import disparity_error
     from tmca.metrics.disparity import BAD_PIXEL
 
-    errors = disparity_error(estimate, truth, mask)
+    errors = disparity_error(estimate, truth)
     return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.errors import SettingError
 from tmca.plots.style import BLUE, SMALL, TITLE, blank_figure, curve_with_band, mosaic, plain_axes
 
 if TYPE_CHECKING:
@@ -15,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _BLOCKS, _EIGENVALUES = 12, 60
+_ATOMS, _COLUMNS = 48, 8
+"""Atoms that are shown at most, and of them side by side."""
 
 
 def gaussian_figure(mean: np.ndarray, covariance: np.ndarray, wavelengths: Sequence[float] | None = None) -> Figure:
@@ -83,35 +84,26 @@ def atom_mosaic(atom: np.ndarray, views: tuple[int, int]) -> np.ndarray:
     return mosaic(atom.reshape(*views, *atom.shape[1:]), gap=1)
 
 
-def dictionary_figure(
-    atoms: np.ndarray, scales: np.ndarray, views: tuple[int, int], count: int = 48, columns: int = 8
-) -> Figure:
+def dictionary_figure(atoms: np.ndarray, scales: np.ndarray, views: tuple[int, int]) -> Figure:
     """The most used atoms, the views of each side by side and on its own scale, and how the use falls off.
 
     Args:
         atoms: ``(N, V·U, h, w)``.
         scales: (N,) mean absolute coefficient of every atom.
         views: (V, U).
-        count: atoms shown at most.
-        columns: of the figure.
-
-    Raises:
-        SettingError: no atom or no column asked for.
     """
-    if count < 1 or columns < 1:
-        raise SettingError("atoms", f"{count} in {columns} columns", "at least 1 of each")
-    shown = min(count, len(atoms))
-    rows = -(-shown // columns)
-    figure = blank_figure(1.35 * columns, 1.4 * rows + 2.4)
+    shown = min(_ATOMS, len(atoms))
+    rows = -(-shown // _COLUMNS)
+    figure = blank_figure(1.35 * _COLUMNS, 1.4 * rows + 2.4)
     (v, u), (h, w) = views, atoms.shape[-2:]
     figure.suptitle(
         f"{len(atoms)} atoms of {v}×{u} views of {h}×{w} pixels; the {shown} most used, "
         "each on its own scale (blue above 0, red below)",
         fontsize=TITLE,
     )
-    places = figure.add_gridspec(rows + 1, columns, height_ratios=[1] * rows + [1.4])
+    places = figure.add_gridspec(rows + 1, _COLUMNS, height_ratios=[1] * rows + [1.4])
     for place, number in enumerate(np.argsort(-scales, kind="stable")[:shown]):
-        axis = figure.add_subplot(places[divmod(place, columns)])
+        axis = figure.add_subplot(places[divmod(place, _COLUMNS)])
         _draw_atom(axis, atom_mosaic(atoms[number], views), float(scales[number]))
     _draw_use(figure.add_subplot(places[rows, :]), scales)
     return figure

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _ZOOMED, _LEAST = 0.25, 48
 """Share of each side that is enlarged, and pixels of the shorter side that it has at least."""
 _SEARCHED = 160
-_STRETCH = 1.0
-"""Px per view step, from the first step to the last: with less all pictures of a strip look alike."""
+_STEPS, _STRETCH = 5, 1.0
+"""Photographs of a strip, and px per view step from the first to the last: with less all of them look alike."""
 _AROUND, _TEXTURE = 7, 0.02
 _PIXELS, _REPEATED = 2.4e6, 4e6
 """Of all frames together, about a megabyte; repeated pixels take half as many bytes."""
@@ -158,14 +158,13 @@ def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
     return total if np.ndim(light_field) == 5 else total[0]
 
 
-def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
-    """Disparities to focus on, px per view step, evenly over the range that the views show where there is texture.
+def focus_steps(light_field: xr.DataArray) -> list[float]:
+    """Five disparities to focus on, px per view step, evenly over the range that the views show where there is texture.
 
     The estimator of `tmca.metrics` looks at views made smaller, to about 160 pixels along the shorter side.
 
     Args:
         light_field: (view_v, view_u, y, x), or with colours first.
-        count: how many.
 
     Returns:
         From far to near, from the 5 % to the 95 % quantile and at least 1 wide; from -2 to 2 where there is a single
@@ -182,7 +181,7 @@ def focus_steps(light_field: xr.DataArray, count: int = 5) -> list[float]:
         disparity = scale * estimate_disparity(small)[textured]
         low, high = (float(end) for end in np.quantile(disparity, (0.05, 0.95)).clip(-most, most))
     wider = max(0.0, (_STRETCH - (high - low)) / 2)
-    return [float(step) for step in np.linspace(low - wider, high + wider, count)]
+    return [float(step) for step in np.linspace(low - wider, high + wider, _STEPS)]
 
 
 def _textured(views: np.ndarray) -> np.ndarray:

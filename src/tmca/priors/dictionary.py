@@ -156,11 +156,11 @@ class PatchDictionary(Prior):
         means = means + self.notes.get("mean", 0.0)
         return (codes @ self.atoms.flatten(1)).reshape(count, *self.block) + means[:, None, None, None]
 
-    def figure(self, atoms: int = 48) -> Any:
+    def figure(self) -> Any:
         """The most used atoms as mosaics of their views."""
         from tmca.plots.priors import dictionary_figure
 
-        return dictionary_figure(self.atoms.numpy(), self.scales.numpy(), self.views, atoms)
+        return dictionary_figure(self.atoms.numpy(), self.scales.numpy(), self.views)
 
     def arrays(self) -> dict[str, Tensor]:
         return {"atom": self.atoms.float(), "scale": self.scales}  # atoms in single precision

@@ -124,10 +124,12 @@ def _expression(pattern: str) -> re.Pattern[str]:
 def _gridded(
     folder: Path, matches: list[tuple[Path, re.Match[str]]], pattern: str, side: Place | None
 ) -> tuple[tuple[Path, ...], ...]:
-    """The files in rows and columns."""
+    """The files in rows and columns; those that are numbered are so row after row from 0."""
     fields = matches[0][1].groupdict()
-    if "index" in fields:
-        places = _by_index(folder, {file: int(m["index"]) for file, m in matches}, side)
+    numbered = "index" in fields
+    if numbered:
+        side = side or _square(len(matches))
+        places = [(file, divmod(int(m["index"]), side[1])) for file, m in matches]
     else:
         places = [(file, (int(m["row"]), int(m["column"]))) for file, m in matches]
     grid: dict[Place, Path] = {}
@@ -135,8 +137,9 @@ def _gridded(
         if place in grid:
             raise DataError(file, f"a second picture of one view beside {grid[place].name}", "one of each", "remove it")
         grid[place] = file
-    rows, columns = (sorted({place[axis] for place in grid}) for axis in (0, 1))
-    _require_complete(folder, grid, rows, columns)
+    ranges = [range(n) for n in side] if numbered and side else [_spread({p[axis] for p in grid}) for axis in (0, 1)]
+    _require_complete(folder, grid, ranges[0], ranges[1], numbered)
+    rows, columns = ([*numbers] for numbers in ranges)
     if "y" in fields:
         positions = {place: (float(m["y"]), float(m["x"])) for (_, m), (_, place) in zip(matches, places, strict=True)}
         rows, columns = (_by_position(positions, axis) for axis in (0, 1))
@@ -144,45 +147,32 @@ def _gridded(
     return tuple(tuple(grid[row, column] for column in columns) for row in rows)
 
 
-def _by_index(folder: Path, numbers: dict[Path, int], side: Place | None) -> list[tuple[Path, Place]]:
-    """Rows and columns of views that are numbered row after row from 0."""
-    count, origin = len(numbers), "" if side is None else " as parameters.cfg says"
-    if side is None:
-        square = isqrt(count) ** 2 == count
-        rows = isqrt(count) if square else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
-        side = (rows, rows)
-    wanted = set(range(side[0] * side[1]))
-    gone, extra = sorted(wanted - set(numbers.values())), sorted(set(numbers.values()) - wanted)
+def _square(count: int) -> Place:
+    """Rows and columns of about so many views."""
+    rows = isqrt(count)
+    rows = rows if rows**2 == count else min(range(1, 100, 2), key=lambda n: abs(n * n - count))
+    return rows, rows
+
+
+def _spread(numbers: set[int]) -> range:
+    """From the first number to the last, at their smallest distance."""
+    ordered = sorted(numbers)
+    return range(ordered[0], ordered[-1] + 1, min((b - a for a, b in pairwise(ordered)), default=1))
+
+
+def _require_complete(folder: Path, found: dict[Place, Path], rows: range, columns: range, numbered: bool) -> None:
+    """Refuse a grid with places without a picture, and pictures without a place."""
+
+    def said(places: Iterable[Place]) -> str:
+        few = [f"number {r * len(columns) + c}" if numbered else f"row {r} column {c}" for r, c in islice(places, 4)]
+        return ", ".join(few[:3]) + (" and more" if len(few) > 3 else "")
+
+    gone = said((r, c) for r in rows for c in columns if (r, c) not in found)
+    extra = said(place for place in found if place[0] not in rows or place[1] not in columns)
     if gone or extra:
-        first = f"without number {_listed(gone)}" if gone else f"with number {_listed(extra)} too"
-        raise DataError(
-            folder,
-            f"{count} views, {first}",
-            f"{side[0]}×{side[1]} views numbered 0 to {side[0] * side[1] - 1}{origin}",
-            "add what is missing, or take away what does not belong",
-        )
-    return [(file, divmod(number, side[1])) for file, number in numbers.items()]
-
-
-def _require_complete(folder: Path, found: dict[Place, Path], rows: list[int], columns: list[int]) -> None:
-    """Refuse a grid with holes: places without a picture, or whole rows and columns left out."""
-    gone = [f"row {r} column {c}" for r in rows for c in columns if (r, c) not in found]
-    for word, numbers in (("row", rows), ("column", columns)):
-        steps = {b - a for a, b in pairwise(numbers)}
-        if len(steps) > 1:
-            between = (f"{word} {n}" for n in range(numbers[0], numbers[-1], min(steps)) if n not in numbers)
-            gone += islice(between, 9)
-    if gone:
-        raise DataError(
-            folder,
-            f"{len(found)} views on a grid of {len(rows)} rows and {len(columns)} columns, none for {_listed(gone)}",
-            "one picture for every row and column",
-            "add what is missing, or take away what does not belong",
-        )
-
-
-def _listed(items: list[int] | list[str]) -> str:
-    return ", ".join(map(str, items[:3])) + (f" and {len(items) - 3} more" if len(items) > 3 else "")
+        what = f"{len(found)} views, {f'none for {gone}' if gone else f'{extra} too'}"
+        remedy = "add what is missing, or take away what does not belong"
+        raise DataError(folder, what, f"one for each place of a {len(rows)}×{len(columns)} grid", remedy)
 
 
 def _by_position(positions: dict[Place, tuple[float, float]], axis: int) -> list[int]:
