@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tmca.evaluation.page import markdown
+from tmca.evaluation.page import filled, markdown
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 
@@ -19,3 +19,8 @@ def test_a_shipped_page_tells_the_shipped_numbers(camera):
     for file in numbers["pictures"]:
         assert f"]({file})" in page
         assert (RESULTS / file).exists()
+
+
+def test_entries_of_the_results_are_filled_in_and_other_braces_stay():
+    words = {"split": {"real scenes": "a, b"}}
+    assert filled("{split[real scenes]}, {split[none]}, {split}, {x}", words) == "a, b, {split[none]}, {split}, {x}"

@@ -84,6 +84,7 @@ def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
         ({"codes": {"a": {"search": {"kind": "free", "slots": 2, "noise": "none"}}}}, "codes.a.search.noise"),
         ({"codes": {"a": {"learn": {"what": "both", "networks": {"magic": []}}}}}, "codes.a.learn.networks"),
         ({"codes": {"a": {"learn": {"what": "both", "start": "b", "networks": {}}}}}, "codes.a.learn.start"),
+        ({"decoder_pairs": [["lmmse", "magic"]]}, "decoder_pairs"),
     ],
 )
 def test_what_is_no_study_is_named(tmp_path, changes, where):

@@ -106,8 +106,10 @@ def write_prior(
         report(0.3 * index / len(names), f"reading {name}")
         scenes.append(read(name))
     report(0.3, f"learning the {kind} prior" if kind != "dictionary" else "learning the dictionary")
-    told = {"progress": lambda share: report(0.3 + 0.7 * share, "learning the dictionary")}
-    prior = learn_prior(scenes, None, kind, seed=seed, **settings(scenes), **(told if kind == "dictionary" else {}))
+    how: dict[str, Any] = {"seed": seed, **settings(scenes)}
+    if kind == "dictionary":
+        how["progress"] = lambda share: report(0.3 + 0.7 * share, "learning the dictionary")
+    prior = learn_prior(scenes, None, kind, **how)
     prior.save(out, overwrite=overwrite)
     if figure is not None:
         save_figure(prior.figure(), figure, overwrite=overwrite)

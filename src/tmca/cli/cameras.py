@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -93,3 +94,10 @@ def code_files(spec: CameraSpec) -> list[Path]:
     named = [getattr(spec, name, None) for name in ("aperture", "shutter", "codes", "coloured", "weights")]
     given = [Path(name) for name in named if name is not None]
     return [path for path in given if path.suffix or path.is_dir()]
+
+
+def scenes_of(scenes: Sequence[str], split: Path | None = None) -> list[str]:
+    """Scenes that are named, and those of a split file."""
+    from tmca.data import read_split
+
+    return [*scenes, *(map(str, read_split(split)) if split else ())]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.grid import GridOptions
 from tmca.cli.options.numbers import Whole
+from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 from tmca.specs import MeasuredReading
 
@@ -163,4 +163,4 @@ def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) 
     study = read_study(camera)
     reading = {**study.reading, **changes.pop("reading", {})}
     found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())
-    print(json.dumps(found, indent=1) if grid.json else (out / f"{study.name}.md").read_text().rstrip())
+    say(found, grid.json, (out / f"{study.name}.md").read_text().rstrip())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json as json_module
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import MaybeWhole, On, Whole
-from tmca.cli.options.output import check_figure, check_targets
+from tmca.cli.options.output import check_figure, check_targets, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
 
@@ -154,9 +153,7 @@ def solve(
     save_recovery(recovery, out, overwrite=overwrite)
     drawn = planes_figure([Plane(**plane) for plane in planes(recovery)])
     save_figure(drawn, figure, overwrite=overwrite)
-    print(json_module.dumps(recovery_values(recovery), indent=1) if json else "\n".join(recovery_lines(recovery)))
-    if not json:
-        print(f"wrote {out} and {figure}")
+    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {out} and {figure}")
 
 
 @app.command
@@ -202,8 +199,7 @@ def study(
     asked = draw.Study(axes, fixed, draws, certify, tolerance)
     rows = draw.run_study(asked, work, jobs=jobs, progress=cell_done)
     tables.save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
-    plain = [row.plain() for row in rows]
-    print(json_module.dumps(plain, indent=1) if json else tables.study_table(asked, rows))
+    say([row.plain() for row in rows], json, tables.study_table(asked, rows))
 
 
 @app.command

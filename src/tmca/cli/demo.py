@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -28,6 +27,7 @@ def demo(
         json: print the table as JSON.
     """
     from tmca.cli.options.numbers import size as parsed_size
+    from tmca.cli.options.output import say
     from tmca.cli.progress import progress_bar
 
     if out.exists() and not out.is_dir():
@@ -41,10 +41,8 @@ def demo(
 
     with progress_bar("demo") as progress:
         results = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
-    if json:
-        print(json_module.dumps(results, indent=1))
-        return
-    for kind, application in APPLICATIONS.items():
-        if application.demo is not None:
-            print(f"A {kind} camera:\n\n" + markdown_table(results[application.demo.key], demo_columns(kind)))
-    print(f"{results['seconds']:.0f} s; open {results['report']}")
+    tables = (
+        f"A {kind} camera:\n\n" + markdown_table(results[application.demo.key], demo_columns(kind))
+        for kind, application in APPLICATIONS.items() if application.demo is not None
+    )  # fmt: skip
+    say(results, json, *tables, f"{results['seconds']:.0f} s; open {results['report']}")

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json as json_module
 import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App
 
-from tmca.cli.cameras import BENCH, READING, group
+from tmca.cli.cameras import BENCH, READING, group, scenes_of
 from tmca.cli.options.numbers import Whole, size, whole_numbers
-from tmca.cli.options.output import check_figure
+from tmca.cli.options.output import check_figure, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.specs import (
@@ -70,7 +69,7 @@ def spectral(
     from tmca.reports.cameras import design_spectral
 
     about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser), "period": period}
-    _search_codes(design_spectral, out, sensor, sheet, _named(scenes, split), search, overwrite, json, about)
+    _search_codes(design_spectral, out, sensor, sheet, scenes_of(scenes, split), search, overwrite, json, about)
 
 
 @app.command
@@ -106,7 +105,7 @@ def light_field(
 
     camera = {} if shear is None else spec_of(LightFieldSpec, {"shear": shear}).arguments()
     about = {"views": reading.views, "reading": Reading(**reading.files()), "camera": camera, "period": period}
-    _search_codes(design_light_field, out, sensor, sheet, _named(scenes, split), search, overwrite, json, about)
+    _search_codes(design_light_field, out, sensor, sheet, scenes_of(scenes, split), search, overwrite, json, about)
 
 
 @app.command
@@ -141,7 +140,7 @@ def spectral_depth(
     how |= {"bench": bench.arguments(), "overwrite": overwrite, "command": ["tmca", *sys.argv[1:]]}
     with progress_bar(f"design {out.name}") as progress:
         _, report = design_spectral_depth(_sheet(sensor, sheet), out, scenes=scenes, progress=progress, **how)
-    _say(report, report["designs"], COLUMNS, out, json)
+    _told(report, report["designs"], COLUMNS, out, json)
 
 
 def _search_codes(
@@ -164,14 +163,7 @@ def _search_codes(
             _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how
         )
     rows = [report["static"], *([report["chosen"]] if report["chosen"] else []), *report["surveyed"]]
-    _say(report, rows, COLUMNS, out, json)
-
-
-def _named(scenes: tuple[str, ...], split: Path | None) -> list[str]:
-    """Scenes that are named, and those of a split."""
-    from tmca.data import read_split
-
-    return [*scenes, *(map(str, read_split(split)) if split else ())]
+    _told(report, rows, COLUMNS, out, json)
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -201,15 +193,11 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
-def _say(report: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
+def _told(report: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
     """The advice as a table and a sentence, or as JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    if json:
-        print(json_module.dumps(report, indent=1))
-        return
-    print(markdown_table(rows, columns))
-    print(f"{report['advice']}\nopen {out / 'design.html'}")
+    say(report, json, markdown_table(rows, columns), report["advice"], f"open {out / 'design.html'}")
 
 
 @app.command
@@ -248,17 +236,15 @@ def judge(
     figures = judge_codes(
         codes, bands=bands, prior=prior, sheet=data_sheet, camera=camera, figure=figure, overwrite=overwrite
     )
-    if json:
-        print(json_module.dumps(figures, indent=1))
-        return
-    values = figures["singular_values"]
+    values, names = figures["singular_values"], ("throughput", "contrast", "likeness", "coherence", "expected_psnr")
     seen = sum(value > 1e-3 * values[0] for value in values)
-    print(f"{codes}: {figures['camera']} camera, K = {figures['slots']}, {figures['channels']} channels")
-    for name in ("throughput", "contrast", "likeness", "coherence", "expected_psnr"):
-        if name in figures:
-            print(f"  {name:24s} {figures[name]:.4f}")
-    print(f"  {'levels':24s} {len(figures['levels'])}")
-    print(f"  {'singular values':24s} {values[0]:.3g} down to {values[-1]:.3g}, {seen} above a thousandth of the first")
+    say(
+        figures, json,
+        f"{codes}: {figures['camera']} camera, K = {figures['slots']}, {figures['channels']} channels",
+        *(f"  {name:24s} {figures[name]:.4f}" for name in names if name in figures),
+        f"  {'levels':24s} {len(figures['levels'])}",
+        f"  {'singular values':24s} {values[0]:.3g} down to {values[-1]:.3g}, {seen} above a thousandth of the first",
+    )  # fmt: skip
 
 
 @app.command
@@ -303,10 +289,10 @@ def study(
     from tmca.cli.studies import study_module
 
     tile = size(period, "--period") or (16, 24)
-    examples, scenes, checked = (_named((), split) for split in (train, test, validation))
+    examples, scenes, checked = (scenes_of((), split) for split in (train, test, validation))
     results = study_module("codes.study").study_codes(
         examples, scenes, out, work, bands=bands, slots=whole_numbers(slots, "--slots"), period=tile,
         test_slots=test_slots, validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite,
         progress=cell_done, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
-    print(json_module.dumps(results, indent=1) if json else (out / "codes.md").read_text())
+    say(results, json, (out / "codes.md").read_text())

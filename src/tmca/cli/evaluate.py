@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import assumed, check_figure
+from tmca.cli.options.output import assumed, check_figure, say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -53,11 +52,7 @@ def evaluate(
     metrics = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
     if figure is not None:
         save_figure(evaluation.figure(estimate.stem), figure, overwrite=overwrite)
-    if json:
-        print(json_module.dumps(metrics, indent=1))
-        return
-    for name, value in metrics.items():
-        print(f"{name:6s} {value:.4f}")
+    say(metrics, json, *(f"{name:6s} {value:.4f}" for name, value in metrics.items()))
 
 
 for _camera in CAMERA_SPECS:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Annotated, Any
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import check_figure
+from tmca.cli.options.output import check_figure, say
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
 _VIEWS = ViewsReading()
@@ -49,11 +48,7 @@ def inspect(
 
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
         description["figure"] = str(figure)
-    if json:
-        print(json_module.dumps(description, indent=1))
-        return
-    for line in _lines(description):
-        print(line)
+    say(description, json, *_lines(description))
 
 
 def _lines(description: dict[str, Any]) -> list[str]:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json as json_module
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.cameras import CAMERA, READING, SENSOR
+from tmca.cli.cameras import CAMERA, READING, SENSOR, scenes_of
 from tmca.cli.options.numbers import MaybeWhole, Whole
-from tmca.cli.options.output import check_figure
+from tmca.cli.options.output import check_figure, say
 from tmca.errors import SettingError
 from tmca.specs import CubeReading, LightFieldsReading, SensorSpec, SpectralSpec
 
@@ -54,9 +52,10 @@ def learn(
 
     check_figure(figure, overwrite)
     read, settings = cube_reader(None if all_bands else bands, extent, like, reading.given(), mixture)
-    kind, how = "mixture" if mixture else "gaussian", {"seed": seed, "figure": figure, "overwrite": overwrite}
+    kind, names = "mixture" if mixture else "gaussian", scenes_of(scenes, split)
+    how: dict[str, Any] = {"seed": seed, "figure": figure, "overwrite": overwrite}
     with progress_bar(f"prior {out.name}") as progress:
-        prior = write_prior(_named(scenes, split), read, out, kind, settings, progress=progress, **how)
+        prior = write_prior(names, read, out, kind, settings, progress=progress, **how)
     sizes = " × ".join(map(str, prior.block))
     named = "mixture" if mixture else "Gaussian"
     print(f"{out}: {named} prior of blocks {sizes} (bands, rows, columns)")
@@ -96,9 +95,10 @@ def learn_views(
     if dictionary and mixture:
         raise SettingError("prior learn-views", "--dictionary and --mixture", "one of them", "leave one out")
     kind = "dictionary" if dictionary else "mixture" if mixture else "gaussian"
-    asked, names = Reading(**reading.files()), _named(light_fields, split)
+    asked, names = Reading(**reading.files()), scenes_of(light_fields, split)
     check_asked(names, **vars(asked))
-    settings, how = {"atoms": atoms} if dictionary else {}, {"seed": seed, "figure": figure, "overwrite": overwrite}
+    settings = {"atoms": atoms} if dictionary else {}
+    how: dict[str, Any] = {"seed": seed, "figure": figure, "overwrite": overwrite}
 
     def read(name: str) -> Any:
         return load_light_field(name, views=reading.views, **asked.of(name))
@@ -108,13 +108,6 @@ def learn_views(
     channels, rows, columns = learned.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
     print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")
-
-
-def _named(scenes: Sequence[str], split: Path | None) -> list[str]:
-    """Scenes that are named, and those of a split."""
-    from tmca.data import read_split
-
-    return [*scenes, *(map(str, read_split(split)) if split else ())]
 
 
 @app.command
@@ -148,8 +141,6 @@ def expect(
     """
     from tmca.applications.prior_files import expected
 
-    expectation = expected(prior, camera, sensor)
-    if json:
-        print(json_module.dumps(expectation, indent=1))
-        return
-    print(f"expected PSNR {expectation['expected_psnr']:.2f} dB; light throughput {expectation['throughput']:.1%}")
+    found = expected(prior, camera, sensor)
+    line = f"expected PSNR {found['expected_psnr']:.2f} dB; light throughput {found['throughput']:.1%}"
+    say(found, json, line)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole, On
-from tmca.cli.options.output import OutputOptions, check_targets
+from tmca.cli.options.output import OutputOptions, check_targets, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
@@ -88,7 +87,7 @@ def reconstruct(
     written = [estimate.save(target, overwrite=output.overwrite)]
     if output.figures:
         written += estimate_pictures(estimate, target, truth=scene, snapshot=taken, overwrite=output.overwrite)
-    _say(estimate, metrics, target, written, output)
+    _tell(estimate, metrics, target, written, output)
 
 
 def _given(decoder: str, kind: str, options: dict[str, Any]) -> dict[str, Any]:
@@ -127,7 +126,7 @@ def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     return checked_settings(available[decoder], named, texts=True) if decoder in available else dict(named)
 
 
-def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
+def _tell(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
     report: dict[str, Any] = {
         "estimate": str(target),
         "decoder": result.decoder,
@@ -135,12 +134,8 @@ def _say(result: Any, metrics: dict[str, float], target: Path, written: list[Pat
         "metrics": metrics,
         "files": [str(file) for file in written],
     }
-    if output.json:
-        print(json.dumps(report, indent=1))
-        return
-    print(f"{target}: {result.decoder}, {result.seconds:.1f} s")
-    for name, value in metrics.items():
-        print(f"  {name:8s} {value:.4g}")
+    figures = (f"  {name:8s} {value:.4g}" for name, value in metrics.items())
+    say(report, output.json, f"{target}: {result.decoder}, {result.seconds:.1f} s", *figures)
 
 
 for _camera in CAMERA_SPECS:

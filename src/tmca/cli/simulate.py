@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,7 +10,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, CameraChoice, Faults, code_files
 from tmca.cli.options.numbers import Whole, pair, size
-from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets
+from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import (
@@ -272,12 +271,9 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         "codes_date": taken.notes["codes_date"],
         "files": [str(file) for file in written],
     }
-    if output.json:
-        print(json.dumps(report, indent=1))
-        return
-    print(f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}")
-    if report["hardware"]:
-        print(f"taken with faults that decoders do not know: {report['hardware']}")
+    lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}"]
+    lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
-    print(f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}")
+    how = f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}"
+    say(report, output.json, *lines, how)

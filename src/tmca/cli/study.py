@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from tmca.cli.options.grid import GridOptions
+from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 
 _GRID = GridOptions()
@@ -26,4 +26,4 @@ def study(file: Path, /, *, out: Path = Path("results"), work: Path | None = Non
 
     asked = read_study(file)
     found = run_study(asked, out, work or Path("runs") / f"study-{asked.name}", progress=cell_done, **grid.how())
-    print(json.dumps(found, indent=1) if grid.json else (out / f"{asked.name}.md").read_text().rstrip())
+    say(found, grid.json, (out / f"{asked.name}.md").read_text().rstrip())

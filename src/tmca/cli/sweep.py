@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.cameras import READING
+from tmca.cli.cameras import READING, scenes_of
 from tmca.cli.options.grid import GridOptions
 from tmca.cli.options.numbers import Whole
+from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
 from tmca.specs import MeasuredReading
@@ -59,13 +59,12 @@ def spectral(
         crop: HEIGHTxWIDTH, the middle of the scenes.
     """
     from tmca.cli.options.numbers import size
-    from tmca.data import read_split, split_rendered
+    from tmca.data import split_rendered
 
-    named = [*scenes, *(map(str, read_split(test)) if test else ())] or sorted(split_rendered()["test"])
-    examples, checked = ([str(path) for path in read_split(split)] if split else [] for split in (train, validation))
+    named = scenes_of(scenes, test) or sorted(split_rendered()["test"])
     reading = {"bands": bands, "size": size(crop, "--crop")}
-    _run("spectral", vary, set_, named, out, work, grid, reading=reading, decoder=decoder, train=examples,
-         validation=checked, steps=steps)  # fmt: skip
+    _run("spectral", vary, set_, named, out, work, grid, reading=reading, decoder=decoder, train=scenes_of((), train),
+         validation=scenes_of((), validation), steps=steps)  # fmt: skip
 
 
 @app.command
@@ -101,14 +100,12 @@ def light_field(
         crop: HEIGHTxWIDTH, the middle of the light fields.
     """
     from tmca.cli.options.numbers import size
-    from tmca.data import read_split, split_rendered_light_fields
+    from tmca.data import split_rendered_light_fields
 
-    given = [*scenes, *(map(str, read_split(test)) if test else ())]
-    named = given or sorted(split_rendered_light_fields()["test"])
-    examples = [str(path) for path in read_split(train)] if train else []
+    named = scenes_of(scenes, test) or sorted(split_rendered_light_fields()["test"])
     asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
     _run("light-field", vary, set_, named, out, work, grid, reading={**asked, "size": size(crop, "--crop")},
-         decoder=decoder, train=examples)  # fmt: skip
+         decoder=decoder, train=scenes_of((), train))  # fmt: skip
 
 
 @app.command
@@ -216,7 +213,7 @@ def _run(
 
     axes, settled = _axes(vary, fixed)
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
-    print(json.dumps(found, indent=1) if grid.json else out.with_suffix(".md").read_text())
+    say(found, grid.json, out.with_suffix(".md").read_text())
 
 
 def _axes(vary: Sequence[str], fixed: Sequence[str] | None) -> tuple[dict[str, list[str]], dict[str, str]]:

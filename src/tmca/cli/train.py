@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite
@@ -13,6 +12,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.options.output import say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
@@ -167,15 +167,11 @@ def _train(kind: str, options: RunOptions, beside: Mapping[str, Any], load: Any 
     if rank():
         return
     pictures, best = training_pictures(out), trained.best
-    if options.json:
-        print(json_module.dumps({"weights": str(trained.weights), "best": best, "steps": trained.steps}, indent=1))
-        return
     validated = best["step"] and isfinite(best["psnr"])
     merit = f", validation PSNR {best['psnr']:.2f} dB at step {best['step']}" if validated else ""
     merit += "" if validated else "; no scene was set aside to choose the best step: --validation names some"
-    print(
-        f"{trained.weights}: {trained.steps} steps{merit}; {', '.join(picture.name for picture in pictures)} beside it"
-    )
+    line = f"{trained.weights}: {trained.steps} steps{merit}; {', '.join(one.name for one in pictures)} beside it"
+    say({"weights": str(trained.weights), "best": best, "steps": trained.steps}, options.json, line)
 
 
 def _settings(texts: list[str] | None) -> dict[str, Any]:

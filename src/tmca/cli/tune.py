@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json as json_module
 import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from tmca.cli.options.output import say
 
 
 def rank() -> int:
@@ -51,7 +52,8 @@ def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
 
     tuned = run_with_bar(f"tune {out.name}", "fine-tuning", prepared.read, run, accelerator)
     if not rank():
-        _say(_report(prepared, out, tuned, tuning_pictures(prepared, out)), json)
+        report = _report(prepared, out, tuned, tuning_pictures(prepared, out))
+        say(report, json, *_lines(report))
 
 
 def _report(prepared: Any, out: Path, tuned: Any, pictures: list[Path]) -> dict[str, Any]:
@@ -71,19 +73,17 @@ def _report(prepared: Any, out: Path, tuned: Any, pictures: list[Path]) -> dict[
     }
 
 
-def _say(report: dict[str, Any], json: bool) -> None:
-    if json:
-        print(json_module.dumps(report, indent=1))
-        return
+def _lines(report: dict[str, Any]) -> list[str]:
+    """The report for people."""
     best, held = report["best"], len(report["held_out"])
     count = f"{len(report['learned_from'])} captures learned from, {held} held out"
-    print(f"{report['weights']}: {count}, {report['steps']} steps")
     operator = f"calibrated by {report['calibration']}" if report["calibration"] else "the run's own, not calibrated"
-    print(f"  operator: {operator}")
+    lines = [f"{report['weights']}: {count}, {report['steps']} steps", f"  operator: {operator}"]
     for name, value in report["before"].items():
         unit = {"psnr": " dB", "depth_mae": " m"}.get(name, "")
         if name != "score":
-            print(f"  {name} held out: {value:.4g}{unit} before, {best[name]:.4g}{unit} after (step {best['step']})")
+            after = f"{best[name]:.4g}{unit} after (step {best['step']})"
+            lines.append(f"  {name} held out: {value:.4g}{unit} before, {after}")
     if not best["step"]:
-        print("  no step was better than the decoder as it was, which is what is saved")
-    print(f"  {', '.join(Path(file).name for file in report['files'])} beside it")
+        lines.append("  no step was better than the decoder as it was, which is what is saved")
+    return [*lines, f"  {', '.join(Path(file).name for file in report['files'])} beside it"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -104,19 +105,31 @@ def markdown(found: Row) -> str:
         f"# {study.title or study.name}", "", f"Command: `{found['command']}` at commit `{found['commit']}`.", "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
         "all rows. Means over scenes of means over seeds, then scene by scene.", "",
-        *(line for text in about for line in (text.format(**words).strip(), "")),
+        *(line for text in about for line in (filled(text, words), "")),
     ]  # fmt: skip
     for section in sections(found, study):
         lines += [
             f"## {section.title}",
             "",
-            *(line for text in section.text for line in (text.format(**words).strip(), "")),
+            *(line for text in section.text for line in (filled(text, words), "")),
         ]
         lines += [markdown_table(section.table, section.columns)]
     if found["pictures"]:
         lines += ["## Pictures", "", f"Some rows, {study.shown_noise}, first seed.", ""]
         lines += [line for file, caption in found["pictures"].items() for line in (f"![{caption}]({file})", "")]
     return "\n".join(lines)
+
+
+def filled(text: str, words: Mapping[str, Any]) -> str:
+    """A text with entries of the results in the places of their names, ``{split[train]}``; other braces stay."""
+
+    def entry(match: re.Match[str]) -> str:
+        place: Any = words
+        for name in re.findall(r"[^\[\]]+", match[1]):
+            place = place.get(name) if isinstance(place, Mapping) else None
+        return match[0] if place is None or isinstance(place, Mapping) else str(place)
+
+    return re.sub(r"\{(\w+(?:\[[^\[\]{}]+\])+)\}", entry, text).strip()
 
 
 def _words(value: Any) -> Any:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tmca.applications.example_scenes import flat_error, judge_on, placed_error, some_of
 from tmca.applications.report import Section
+from tmca.applications.spectral_depth import reading_range
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import PROBE
@@ -66,11 +67,6 @@ class SpectralDepthReading(BaseModel):
     placed: str | None = None
     from_rgb: bool = False
     crop: tuple[int, int] = (96, 128)
-
-
-def reading_range(camera: Any) -> Settings:
-    """Bands and depth range of a camera, as `load_any_depth_scene` takes them."""
-    return {"wavelengths": camera.wavelengths, "near": camera.planes.near, "far": camera.planes.far}
 
 
 def of_contrast(scene: xr.Dataset, contrast: float) -> xr.Dataset:

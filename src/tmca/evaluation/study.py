@@ -187,7 +187,7 @@ class Study(Strict):
         pairs: codes, and those over which their gain is told.
         decoder_pairs: decoders, the same.
         bases: name → codes that time-multiplexed ones are held against, beside all with one slot.
-        published: a table of another work.
+        published: a table of another work; of it, pairs and bases those count that are measured.
     """
 
     name: str = ""
@@ -230,6 +230,10 @@ class Study(Strict):
                 check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
             for network in code.learn.networks if code.learn else ():
                 check_choice(f"codes.{name}.learn.networks", network, self.networks)
+        paired = [name for pair in self.decoder_pairs for name in pair]
+        paired += [name for row in (self.published.rows if self.published else {}).values() for name in row.decoders]
+        for decoder in paired:
+            check_choice("decoder_pairs, published", decoder, self.decoder_labels)
         for name, noise in self.noises.items():
             try:
                 Sensor(**noise)

@@ -33,6 +33,23 @@ def linear_srgb(cube: Array, wavelengths: Sequence[float], lamp: Array | None = 
     return np.tensordot(to_rgb, cube, axes=1) / white[:, None, None]
 
 
+def srgb_picture(
+    cube: Array, wavelengths: Sequence[float], lamp: Array | None = None, level: float | None = None
+) -> NDArray[np.float32]:
+    """(H, W, 3) picture in [0, 1], with the curve of sRGB.
+
+    Args:
+        cube, wavelengths, lamp: as for `linear_srgb`.
+        level: linear value shown as full; the 99.8 % quantile without it.
+    """
+    import colour
+
+    linear = linear_srgb(cube, wavelengths, lamp)
+    top = shown_level(linear) if level is None else level
+    shown = np.clip(linear / top, 0, 1).astype(np.float32)
+    return np.moveaxis(np.asarray(colour.cctf_encoding(shown, function="sRGB"), dtype=np.float32), 0, -1)
+
+
 def shown_level(linear: Array) -> float:
     """The linear value that a picture shows as full."""
     return bright_level(linear, 0.998)

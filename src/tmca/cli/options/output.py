@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
+from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cyclopts import Group, Parameter
 
@@ -30,6 +31,11 @@ class OutputOptions:
     "Write pictures beside the file."
     json: bool = False
     "Print JSON instead of text."
+
+
+def say(report: Any, json: bool, *lines: str) -> None:
+    """Print a result as JSON, or in lines for people."""
+    print(dumps(report, indent=1) if json else "\n".join(lines))
 
 
 def warned(line: str) -> None:
