@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.page import filled, markdown
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
@@ -24,3 +25,8 @@ def test_a_shipped_page_tells_the_shipped_numbers(camera):
 def test_entries_of_the_results_are_filled_in_and_other_braces_stay():
     words = {"split": {"real scenes": "a, b"}}
     assert filled("{split[real scenes]}, {split[none]}, {split}, {x}", words) == "a, b, {split[none]}, {split}, {x}"
+
+
+def test_trainings_without_validation_tell_nothing_of_their_codes():
+    trainings = [{"decoder": "unet", "code": code, "best": {"psnr": best}} for code, best in (("a", None), ("b", 30.0))]
+    assert evaluation_of("spectral").scores({"budget": {"training": trainings}}, "unet", "") == {"b": -30.0}

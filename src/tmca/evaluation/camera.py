@@ -341,12 +341,13 @@ class CameraEvaluation:
 
     def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:
         """What is known of codes without a test scene, less for better ones: a network's best validation figure, means
-        over seeds; nothing of decoders without training."""
+        over seeds; nothing of decoders without training, nor of trainings without validation scenes."""
         sign = -1 if self.metric == "psnr" else 1
         trainings = [one for one in found["budget"]["training"] if one["decoder"] == decoder]
+        validated = [one for one in trainings if one["best"].get(self.metric) is not None]
         return {
             code: sign * mean([one["best"][self.metric] for one in own])
-            for (code,), own in grouped(trainings, "code").items()
+            for (code,), own in grouped(validated, "code").items()
         }
 
     def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
