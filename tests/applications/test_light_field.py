@@ -152,7 +152,7 @@ def test_true_disparity_comes_with_rendered_light_fields():
         (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "camera.views=4", "--steps", "1"], "odd"),
         (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "data.tint=0.2"], "data.tint"),
         (["train", "light-field", "--train", "coffee", "--out", "r", "--preset", "lytro"], "one of thesis, quick"),
-        (["prior", "learn-views", "--out", "p.nc"], "no light fields"),
+        (["prior", "learn-views", "--out", "p.nc"], "no scenes"),
     ],
 )
 def test_bad_input_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
