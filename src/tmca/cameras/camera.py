@@ -16,7 +16,7 @@ from tmca.arguments import Count, Size, checked
 from tmca.attributes import attributes_of
 from tmca.cameras.parts import CameraParts
 from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
-from tmca.codes import Codes, MultiplexedCodes, fitted_codes
+from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
 from tmca.codes.files import TILE, Axes, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
@@ -61,9 +61,11 @@ class Camera(CameraParts, nn.Module, ABC):
             CAMERAS[cls.kind] = cls
 
     @checked
-    def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None) -> None:
+    def __init__(
+        self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None, buckets: Count = 1
+    ) -> None:
         super().__init__()
-        self.size, self.slots = size, slots
+        self.size, self.slots, self.buckets = size, slots, buckets
         check_choice("exposure", exposure, EXPOSURES)
         self.exposure = exposure
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
@@ -125,6 +127,7 @@ class Camera(CameraParts, nn.Module, ABC):
             "sensor": json.dumps(self.sensor.settings()), "tmca_version": __version__,
         }  # fmt: skip
         size = {"size": json.dumps(self.size)} if tiled else {}
+        size |= {"buckets": self.buckets} if self.buckets > 1 else {}
         return xr.Dataset(parts, coordinates, {**common, **attributes, **size})
 
     @classmethod
@@ -139,6 +142,7 @@ class Camera(CameraParts, nn.Module, ABC):
         try:
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}
+            settings |= {} if stated.buckets == 1 else {"buckets": stated.buckets}
             sensor: dict[str, Any] = dict(stated.sensor)
             settings["sensor"] = Sensor(**sensor)
             return cls(**{**settings, **changes})
@@ -148,7 +152,7 @@ class Camera(CameraParts, nn.Module, ABC):
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """Names of the axes of snapshots (B, C, H, W') in a file, those of length one left out."""
-        return ("y", "x")
+        return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
 
     @property
     def learnable(self) -> bool:
@@ -296,7 +300,8 @@ class CodedCamera(Camera):
             if name not in CODING:
                 expected = f"one of {', '.join(self._arguments())}"
                 raise SettingError(name, "an unknown name", expected, "leave it out")
-        self.codes = fitted_codes(codes, self.slots, aperture, shutter, **coding)  # type: ignore[assignment]
+        fitted = fitted_codes(codes, self.slots, aperture, shutter, self.buckets, **coding)
+        self.codes = fitted  # type: ignore[assignment]
         described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
         self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
 
@@ -326,6 +331,10 @@ class CodedCamera(Camera):
         else:
             self.register_buffer("response", values.flatten())
 
+    def bucket_shutters(self) -> Tensor:
+        """(R, K, H, W') what every bucket of the pixels collects."""
+        return bucket_shutters(self.codes()[1], self.slots, self.buckets)
+
     @property
     def channels(self) -> int:
         """Number of bands or views of the scene."""
@@ -338,12 +347,12 @@ class CodedCamera(Camera):
 
     @abstractmethod
     def code_cube(self) -> Tensor:
-        """The time-multiplexed code T̂ of every channel."""
+        """The time-multiplexed code T̂ of every channel; with several buckets that of each of them, (R, …)."""
 
     def throughput(self) -> float:
-        """Mean of T̂ under equal exposure."""
+        """Mean of T̂ under equal exposure, summed over the buckets."""
         with torch.no_grad():
-            return float(self.code_cube().mean()) / self.exposures
+            return float(self.code_cube().mean()) * self.buckets / self.exposures
 
     def _check_no_depth(self, depth: Tensor | None) -> None:
         if depth is not None:
@@ -369,6 +378,8 @@ class CodedCamera(Camera):
         planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
         if tiled and period is not None:
             planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
+        if len(planes[1]) > self.slots:  # of all buckets
+            planes, shutter = (planes[0], planes[1].unflatten(0, (-1, self.slots))), ("bucket", *shutter)
         return code_variables(planes, aperture, shutter), {"period": json.dumps(period)}
 
     @classmethod

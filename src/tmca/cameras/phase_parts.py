@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from torch import Tensor, nn
 
-from tmca.codes import CodePlane, balanced_choice, one_hot_planes
+from tmca.codes import BURST, CodePlane, balanced_choice, one_hot_planes
+from tmca.codes.buckets import burst_pattern, check_buckets, check_patterns
 from tmca.errors import SettingError, check_shape
 from tmca.optics import FreeForm, HeightMaps, PhaseMaskBench, PointSpread, mask_heights
 
@@ -46,13 +47,27 @@ def mask_maps(
 
 
 def shutter_plane(
-    shutter: str | Tensor | nn.Module, slots: int, size: tuple[int, int], period: int, seed: int, learnable: bool
+    shutter: str | Tensor | nn.Module,
+    slots: int,
+    buckets: int,
+    size: tuple[int, int],
+    period: int,
+    seed: int,
+    learnable: bool,
 ) -> CodePlane:
-    """K shutter patterns on a sensor (H, W), tiled unless they are given for all of it."""
+    """K shutter patterns on a sensor (H, W), or R·K of R buckets; tiled unless they are given for all of it."""
     if isinstance(shutter, nn.Module):
-        return shutter.resized(size) if isinstance(shutter, CodePlane) else shutter  # type: ignore[return-value]
+        plane = shutter.resized(size) if isinstance(shutter, CodePlane) else shutter
+        check_patterns(getattr(plane, "slots", slots), buckets, slots)  # type: ignore[arg-type]
+        return plane  # type: ignore[return-value]
+    if isinstance(shutter, str) and shutter == BURST:
+        shutter = burst_pattern(slots, (period, period), buckets)
+    if isinstance(shutter, Tensor) and shutter.ndim == 4:
+        shutter = check_buckets(shutter, buckets, slots)
+    count = slots if isinstance(shutter, str) or shutter.ndim == 2 else len(shutter)
+    check_patterns(count, buckets, slots)
     tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
-    plane = CodePlane(shutter, slots, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
+    plane = CodePlane(shutter, count, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
     if isinstance(shutter, str) and shutter == "one-hot":
         if slots > period**2:
             expected = f"at most {period**2}, the pixels of its period"

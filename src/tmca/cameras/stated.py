@@ -27,6 +27,7 @@ class CameraAttributes(Attributes):
     full_scale: float = Field(gt=0)
     sensor: Json[dict[str, Any]]
     """Arguments of `Sensor`, which checks them."""
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
     size: Json[Pair] | None = None
     """Of the frame over which codes repeat."""
 

@@ -1,5 +1,6 @@
 """What the aperture and the shutter show in each time slot."""
 
+from tmca.codes.buckets import BURST, bucket_shutters
 from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import Codes, MultiplexedCodes, fitted_codes
@@ -7,6 +8,7 @@ from tmca.codes.patterns import FAMILIES, balanced_choice, blue_noise_ranks, one
 from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots
 
 __all__ = [
+    "BURST",
     "FAMILIES",
     "CodePlane",
     "Codes",
@@ -15,6 +17,7 @@ __all__ = [
     "Outside",
     "balanced_choice",
     "blue_noise_ranks",
+    "bucket_shutters",
     "check_shares",
     "fitted_codes",
     "hard_threshold",

@@ -27,9 +27,14 @@ _Side = Annotated[int, Field(ge=1)]
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
     """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
     return {
-        name: (("slot", *axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
+        name: (_slotted(axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
         for name, axes, plane in zip(("aperture", "shutter"), (aperture, shutter), planes, strict=True)
     }
+
+
+def _slotted(axes: Axes) -> Axes:
+    """Axes of patterns slot by slot; of a sensor with several buckets, bucket by bucket first."""
+    return ("bucket", "slot", *axes[1:]) if axes[0] == "bucket" else ("slot", *axes)
 
 
 def compact(codes: Tensor) -> np.ndarray:

@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
+import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Seed, Share, checked
 from tmca.arguments import Size as Sides
 from tmca.codes.arrays import Array
+from tmca.codes.buckets import BURST, burst_pattern, check_buckets, check_patterns
 from tmca.codes.plane import CodePlane
 from tmca.errors import SettingError, ShapeError
 
@@ -24,7 +26,8 @@ class Codes:
 
     Args:
         aperture: family of the aperture codes (``tmca.codes.FAMILIES``) or patterns (K, H, Wa).
-        shutter: family of the shutter codes or patterns (K, H, W').
+        shutter: family of the shutter codes or patterns (K, H, W'), with two buckets those of the first; or patterns
+            (R, K, H, W') of all buckets, or ``"burst"``: R frames one after the other, all pixels alike.
         transmittance: share of open aperture pixels of a named family.
         duty: share of open shutter pixels of a named family.
         period: tile of both planes, pixels; full frame if None.
@@ -45,8 +48,8 @@ class Codes:
     learnable: bool | str = False
     jitter: Float = 0.0
 
-    def planes(self, slots: int, aperture: Size, shutter: Size) -> MultiplexedCodes:
-        """The codes of K slots on an aperture (H, Wa) and a sensor (H, W').
+    def planes(self, slots: int, aperture: Size, shutter: Size, buckets: int = 1) -> MultiplexedCodes:
+        """The codes of K slots on an aperture (H, Wa) and a sensor (H, W') of pixels with R buckets.
 
         Raises:
             SettingError, ShapeError: another ``learnable``, or what ``CodePlane`` refuses.
@@ -54,17 +57,30 @@ class Codes:
         if self.learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
         how: dict[str, Any] = {"period": self.period, "jitter": self.jitter}
+        collected = self._collected(slots, shutter, buckets)
         planes = (
             CodePlane(
                 self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,
                 learnable=self.learnable in (True, "aperture"), name="aperture", **how,
             ),
             CodePlane(
-                self.shutter, slots, shutter, density=self.duty, seed=2 * self.seed + 1,
-                learnable=self.learnable in (True, "shutter"), name="shutter", **how,
+                collected, slots if isinstance(collected, str) else len(collected), shutter, density=self.duty,
+                seed=2 * self.seed + 1, learnable=self.learnable in (True, "shutter"), name="shutter", **how,
             ),
         )  # fmt: skip
         return MultiplexedCodes(*planes)
+
+    def _collected(self, slots: int, size: Size, buckets: int) -> str | Tensor:
+        """The shutter as its plane takes it: patterns of all buckets after each other."""
+        patterns = self.shutter
+        if isinstance(patterns, str) and patterns == BURST:
+            tile = size if self.period is None else self.period
+            patterns = burst_pattern(slots, tile if isinstance(tile, tuple) else (tile, tile), buckets)
+        if isinstance(patterns, str):
+            return patterns
+        values = torch.as_tensor(patterns)
+        values = values.expand(slots, -1, -1) if values.ndim == 2 else values
+        return check_buckets(values, buckets, slots) if values.ndim == 4 else values
 
 
 class MultiplexedCodes(nn.Module):
@@ -72,7 +88,7 @@ class MultiplexedCodes(nn.Module):
 
     Args:
         aperture: (K, H, Wa).
-        shutter: (K, H, W').
+        shutter: (K, H, W'), or (R·K, H, W') of R buckets after each other.
     """
 
     if TYPE_CHECKING:
@@ -115,7 +131,7 @@ class MultiplexedCodes(nn.Module):
 
 
 def fitted_codes(
-    codes: Codes | nn.Module | None, slots: int, aperture: Size, shutter: Size, /, **changes: Any
+    codes: Codes | nn.Module | None, slots: int, aperture: Size, shutter: Size, buckets: int = 1, /, **changes: Any
 ) -> nn.Module:
     """The codes of a camera: a module as it is, where it fits, or what a description says.
 
@@ -123,6 +139,7 @@ def fitted_codes(
         codes: a module that gives (aperture, shutter), a description, or None for the default one.
         slots: K.
         aperture, shutter: (H, W) of the planes.
+        buckets: R of a pixel.
         changes: parts of the description that are replaced.
 
     Raises:
@@ -133,7 +150,9 @@ def fitted_codes(
         unknown = sorted(set(changes) - set(Codes.__dataclass_fields__))
         if unknown:
             raise SettingError(unknown[0], repr(changes[unknown[0]]), f"one of {', '.join(Codes.__dataclass_fields__)}")
-        return replace(codes or Codes(), **changes).planes(slots, aperture, shutter)
+        planes = replace(codes or Codes(), **changes).planes(slots, aperture, shutter, buckets)
+        check_patterns(planes.shutter.slots, buckets, slots)
+        return planes
     if changes:
         name, value = next(iter(changes.items()))
         raise SettingError(name, repr(value), "none beside codes", "leave it out, or leave codes out")
@@ -142,6 +161,7 @@ def fitted_codes(
         return codes
     if codes.slots != slots:
         raise ShapeError("codes", f"{codes.slots} slots", f"{slots}", "give slots too, or other codes")
+    check_patterns(codes.shutter.slots, buckets, slots)
     sizes = (codes.aperture, aperture), (codes.shutter, shutter)
     if all(plane.size == size for plane, size in sizes):
         return codes

@@ -229,7 +229,7 @@ def design_model(taps: Taps, rows: int = _ROWS) -> BlockModel:
     for height in range(rows, 0, -1):
         for width in (_JUDGED, _JUDGED // 2, 6):
             model = BlockModel.of(taps, (taps.scene_channels, height, 2 * span + width))
-            if model.measurements * len(taps.offsets) <= _MOST_ENTRIES:
+            if model.measurements * len(model.offsets) <= _MOST_ENTRIES:
                 return model
     text, remedy = f"{len(taps.offsets)} taps over {span} pixels", "design with fewer bands or a smaller dispersion"
     raise SettingError("bands", text, "blocks of 1.3 GB at most", remedy)

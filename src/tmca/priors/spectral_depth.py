@@ -65,7 +65,7 @@ def snapshot_moments(
         prior: of the scene; stationary, its blocks at least ``needed_block``.
         psf: (K, D, L, h, w).
         colour: (C, L, Q, Q) filters of a tile times the response of the sensor's channels.
-        shutter: (K, Q, Q) of a tile.
+        shutter: (K, Q, Q) of a tile, or (R, K, Q, Q) of pixels with R buckets, whose windows are of R·C channels.
         window: m, pixels.
         exposure: ``"equal"`` or ``"per-slot"``.
         brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as given.
@@ -85,7 +85,7 @@ def snapshot_moments(
     frame = framed(needed, (psf.shape[-2] + window, psf.shape[-1] + window))
     power = _power(prior, needed, frame).to(torch.promote_types(seen.dtype, torch.complex64))
     mean = prior.mean[:, 0, 0].to(seen)
-    pairs, kinds = _pairs(len(colour), tile, window)
+    pairs, kinds = _pairs(len(colour) * len(shutter), tile, window)
     covariances, crosses = [], []
     for sensed in seen.unbind(1):
         spectrum = transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
@@ -108,25 +108,29 @@ def _mixed(moments: list[Tensor], contamination: float) -> Tensor:
 
 
 def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
-    """(C·Q·Q, D, L, h, w) response of every kind of pixel to points around it: eq. (35) as a pixel sees it.
+    """(R·C·Q·Q, D, L, h, w) response of every kind of pixel to points around it: eq. (35) as a pixel sees it.
 
     Arguments as in ``snapshot_moments``.
     """
-    kinds = torch.einsum("clij,kij->cijkl", colour, shutter).flatten(0, 2)
+    shutters = shutter if shutter.ndim == 4 else shutter[None]
+    kinds = torch.cat([torch.einsum("clij,kij->cijkl", colour, one).flatten(0, 2) for one in shutters])
     return torch.einsum("jkl,kdlhw->jdlhw", kinds, psf) / (len(psf) if exposure == "equal" else 1)
 
 
 def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Filters (C, L, P, 1) and shutter (K, P, 1) of the P kinds of pixels, and the kind of every pixel (Q, Q).
+    """Filters (C, L, P, 1) and shutter (R, K, P, 1) of the P kinds of pixels, and the kind of every pixel (Q, Q).
 
     Pixels of the same filter and shutter are one kind, unless gradients tell them apart.
     """
-    flat = torch.cat((colour.flatten(0, 1), shutter)).flatten(1)
+    shutters = shutter if shutter.ndim == 4 else shutter[None]
+    patterns = shutters.flatten(0, 1)
+    flat = torch.cat((colour.flatten(0, 1), patterns)).flatten(1)
     kind = torch.arange(flat.shape[1], device=flat.device)
     if not flat.requires_grad:
         flat, kind = torch.unique(flat, dim=1, return_inverse=True)
-    filters = flat[: -len(shutter), :, None].unflatten(0, colour.shape[:2])
-    return filters, flat[-len(shutter) :, :, None], kind.reshape(shutter.shape[1:])
+    filters = flat[: -len(patterns), :, None].unflatten(0, colour.shape[:2])
+    shown = flat[-len(patterns) :, :, None].unflatten(0, shutters.shape[:2])
+    return filters, shown, kind.reshape(shutter.shape[-2:])
 
 
 def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:

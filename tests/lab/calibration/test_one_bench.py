@@ -17,7 +17,6 @@ from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import measure, measure_all, steps_of
 from tmca.lab.display.manifest import exposed_whole, read_manifest
-from tmca.lab.quality import Doubtful
 from tmca.sensor import Sensor
 
 SHUTTERS = ("coded-exposure", "emulated-shutter")
@@ -133,21 +132,18 @@ def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
     assert found.camera.noise.shot == pytest.approx(camera.noise.shot, rel=0.1)
 
 
-def test_a_timing_that_does_not_know_the_leaks_of_the_mask_is_refused(tmp_path):
-    camera, hardware = spectral(), Hardware(contrast_ratio=40, leakage=0.02)
+@pytest.mark.parametrize("known", [True, False])
+def test_leaks_are_shared_out_whenever_the_mask_is_registered(tmp_path, known):
+    camera, hardware, bench = spectral(), Hardware(contrast_ratio=40, leakage=0.02), tmp_path / "bench"
     export = exported(tmp_path, camera, "dli4120", SHUTTERS[0])
-    found = measured(tmp_path / "bench", export, camera, hardware)
+    found = measured(bench, export, camera, hardware)
     assert found.part("registration").closed_light == pytest.approx(1 / 40, abs=1e-3)
     assert found.part("timing").leakage == pytest.approx(0.02, abs=1e-3)
+    if not known:
+        alone = measure("timing", found.without("registration"), bench / "timing")
+        found = measure("registration", alone, bench / "registration", StepSettings(bench / "patterns"))
     seen = taken(tmp_path / "frames", export, camera, hardware)
     assert left(calibrated_snapshot(seen, found), scene_of(camera)) < 0.1 * left(seen, scene_of(camera))
-    alone = measure("timing", found.without("registration"), tmp_path / "bench" / "timing")
-    with pytest.warns(Doubtful, match="measure the timing again"):
-        late = measure(
-            "registration", alone, tmp_path / "bench" / "registration", StepSettings(tmp_path / "bench" / "patterns")
-        )
-    with pytest.raises(DataError, match="measure the timing again"):
-        calibrated_snapshot(seen, late)
 
 
 def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
