@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 
-from tmca.arguments import Count, Size, checked
-from tmca.attributes import attributes_of
-from tmca.cameras.parts import CameraParts
-from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
+from tmca.arguments import Count, FromArguments, Size, checked
+from tmca.attributes import Attributes, attributes_of
 from tmca.codes import Codes, MultiplexedCodes, fitted_codes
-from tmca.codes.files import TILE, Axes, code_variables, tensors
+from tmca.codes.files import TILE, Axes, Frame, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
@@ -34,7 +33,22 @@ CODING = tuple(Codes.__dataclass_fields__)
 """Parts of the description of codes, which constructors also take one by one."""
 
 
-class Camera(CameraParts, nn.Module, ABC):
+class CameraAttributes(Attributes):
+    """What a file says of any camera; ``Sensor`` checks its own arguments, and ``size`` is where codes repeat."""
+
+    exposure: str
+    full_scale: float = Field(gt=0)
+    sensor: Json[dict[str, Any]]
+    size: Json[Frame] | None = None
+
+
+class CodedAttributes(CameraAttributes):
+    """Of a camera with an aperture and a shutter."""
+
+    period: Json[Frame | None] = None
+
+
+class Camera(FromArguments, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
@@ -135,7 +149,6 @@ class Camera(CameraParts, nn.Module, ABC):
             DataError: variables that make no camera; ``where`` names their file.
         """
         stated = attributes_of(cls.attributes, dataset.attrs, where)
-        check_frame(stated.size, where)
         try:
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}

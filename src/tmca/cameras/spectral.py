@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CodedCamera
-from tmca.cameras.stated import SpectralAttributes
+from tmca.cameras.camera import BandCamera, CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
@@ -43,6 +43,19 @@ PRESETS: dict[str, dict[str, Any]] = {
     "cassi": {"bands": 12, "size": (256, 256), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"bands": 12, "size": (256, 256), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
+
+
+_Blur = Annotated[float, Field(ge=0, le=1000)]
+
+
+class SpectralAttributes(CodedAttributes):
+    """What a file says of the spectral camera."""
+
+    disperser: str
+    dispersion_axis: Literal["x"] = "x"
+    origin: float
+    relay_blur: Json[_Blur | tuple[_Blur, ...]] = 0.0
+    beside: Json[tuple[int, int]] = (0, 0)
 
 
 class SpectralCamera(BandCamera, CodedCamera):

@@ -12,27 +12,24 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera
-from tmca.cameras.phase_parts import PhaseCodes, mask_maps, shutter_plane
+from tmca.cameras.camera import BandCamera, CameraAttributes
 from tmca.cameras.sensor_tiles import exposed_in_tiles
-from tmca.cameras.stated import PhaseAttributes, SpectralDepthAttributes, check_optics
+from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array
 from tmca.codes.files import TILE, compact, tensors
 from tmca.errors import SettingError, check_choice
-from tmca.operators.spectral_depth import (
-    LayeredOperator,
-    check_pixel,
-    equivalent_psf,
-    framed,
-    transfer_functions,
-)
+from tmca.operators.spectral_depth import LayeredOperator, check_pixel, equivalent_psf, framed, transfer_functions
 from tmca.optics import (
     MODES,
     DepthPlanes,
     HeightMaps,
+    PhaseAttributes,
     PhaseMaskBench,
+    PointSpread,
     Stroke,
+    check_stated,
     family_parameters,
+    mask_maps,
     restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
@@ -77,6 +74,26 @@ PRESETS: dict[str, dict[str, Any]] = {
     "quick": {**_THESIS, **_QUICK},
     "quick-diffractive": {**_THESIS, **_QUICK, **_MASK_ONLY},
 }
+
+
+class SpectralDepthAttributes(CameraAttributes, PhaseAttributes):
+    """Of the whole camera."""
+
+    image_formation: str = "linear"
+
+
+class PhaseCodes(nn.Module):
+    """Height maps, with the point spread functions that they make, and shutter patterns (K, H, W): what a camera shows.
+
+    Called, it gives the height maps (K, Hm, Wm) in metres and the shutter.
+    """
+
+    def __init__(self, optics: PointSpread, shutter: nn.Module) -> None:
+        super().__init__()
+        self.optics, self.shutter = optics, shutter
+
+    def forward(self) -> tuple[Tensor, Tensor]:
+        return self.optics.heights(), self.shutter()
 
 
 class SpectralDepthCamera(BandCamera):
@@ -353,7 +370,7 @@ def phase_settings(dataset: xr.Dataset, where: str, stated: PhaseAttributes) -> 
     """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
     family = [name for name in _FAMILIES if name in dataset]
     parts = tensors(dataset, where, "heights", "shutter", "cells", *family)
-    check_optics(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
+    check_stated(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
     return {
         **({} if stated.stroke is None else {"stroke": stated.stroke}),
         "bench": stated.bench,

@@ -12,7 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.codes.patterns import FAMILIES, pattern
+from tmca.codes.patterns import FAMILIES, balanced_choice, one_hot_planes, pattern
 from tmca.errors import SettingError, ShapeError, check_choice, check_range
 
 _MARGIN = 0.5
@@ -199,6 +199,28 @@ class CodePlane(nn.Module):
     def extra_repr(self) -> str:
         """Shown by ``print``."""
         return f"{self.name}: {self.family}, slots={self.slots}, size={self.size}, period={self.period}"
+
+
+def shutter_plane(
+    shutter: str | Tensor | nn.Module, slots: int, size: tuple[int, int], period: int, seed: int, learnable: bool
+) -> CodePlane:
+    """K shutter patterns on a sensor (H, W), tiled unless they are given for all of it.
+
+    A one-hot shutter that is drawn opens as many pixels of a tile in every slot.
+
+    Raises:
+        SettingError: more slots than a tile has pixels.
+    """
+    if isinstance(shutter, nn.Module):
+        return shutter.resized(size) if isinstance(shutter, CodePlane) else shutter  # type: ignore[return-value]
+    tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
+    plane = CodePlane(shutter, slots, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
+    if isinstance(shutter, str) and shutter == "one-hot":
+        if slots > period**2:
+            expected = f"at most {period**2}, the pixels of its period"
+            raise SettingError("slots", f"{slots} with a one-hot shutter", expected, "take a longer period")
+        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own_seed), slots))
+    return plane
 
 
 def _tile(period: int | tuple[int, int] | None) -> tuple[int, int] | None:

@@ -18,10 +18,10 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.design.search import Best
 from tmca.errors import SettingError, check_range
+from tmca.operators.window_moments import CONTAMINATION, SnapshotMoments, snapshot_moments
 from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR
-from tmca.priors.spectral_depth import CONTAMINATION, SnapshotMoments, snapshot_moments
 
 STEP = 0.01
 """Bins to either side over which moments are differenced; twice or half of it moves information by less than 0.1 %."""
