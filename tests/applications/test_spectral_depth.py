@@ -18,11 +18,11 @@ from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
 from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
+from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.plots.cube import sample_points
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
 
 WAVES = (480e-9, 560e-9, 640e-9)
 SIZE = (36, 41)

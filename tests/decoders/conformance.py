@@ -6,8 +6,8 @@ from functools import cache
 import pytest
 import torch
 
-from tests.priors.test_spectral_depth import camera as depth_camera
-from tests.priors.test_spectral_depth import prior_of
+from tests.operators.test_window_moments import camera as depth_camera
+from tests.operators.test_window_moments import prior_of
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import Weights, build_network, decode, make_decoder

@@ -12,7 +12,7 @@ from test_sparse import problem
 from test_tikhonov import operator_of, random_snapshots
 
 import tmca
-from tests.priors.test_spectral_depth import prior_of
+from tests.operators.test_window_moments import prior_of
 from tests.small_scenes import adapted, camera, patches, smooth_scene, snapshot
 from tmca.decoders import (
     PatchLikelihood,

@@ -10,9 +10,9 @@ from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DepthEstimate, first_likelihood, first_stage, white_level
 from tmca.errors import DataError, SettingError
+from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
 BENCH = PhaseMaskBench(window=(9, 9), mask_pixels=32)

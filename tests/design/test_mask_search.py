@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from tests.priors.test_spectral_depth import BENCH, prior_of
+from tests.operators.test_window_moments import BENCH, prior_of
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, search_masks
 from tmca.design.spectral_depth import confusion, drawn_error
 from tmca.errors import SettingError, ShapeError
+from tmca.operators.window_moments import needed_block
 from tmca.optics import Stroke
-from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
 CAMERA = {"bands": (450e-9, 600e-9), "planes": 3, "period": 2, "sensor": Sensor(read_noise=0.01)}

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
+from tests.operators.test_window_moments import BENCH, camera, matrix, parts, prior_of
 from tmca.design.spectral_depth import (
     bhattacharyya,
     confusion,
@@ -17,7 +17,7 @@ from tmca.design.spectral_depth import (
     window_covariance,
 )
 from tmca.errors import SettingError
-from tmca.priors.spectral_depth import needed_block
+from tmca.operators.window_moments import needed_block
 from tmca.sensor import Sensor
 
 NOISE = Sensor(read_noise=0.02)

@@ -5,7 +5,7 @@ import pytest
 import torch
 import xarray as xr
 
-from tests.priors.test_spectral_depth import BENCH, camera, prior_of
+from tests.operators.test_window_moments import BENCH, camera, prior_of
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.errors import DataError, SettingError, ShapeError

@@ -91,7 +91,7 @@ class SpectralDepthDemo(Demo):
 
 
 class _Planes(Attributes):
-    """What an estimate says of the depth that its camera tells apart, see ``tmca.decoders.estimate.PLANES``."""
+    """What an estimate says of the depth that its camera tells apart, see ``tmca.decoders.decoder.PLANES``."""
 
     depth_planes: Json[DepthPlanes]
 

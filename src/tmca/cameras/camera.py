@@ -6,18 +6,17 @@ import dataclasses
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 
-from tmca.arguments import Count, Size, checked
-from tmca.attributes import attributes_of
-from tmca.cameras.parts import CameraParts
-from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
+from tmca.arguments import Count, FromArguments, Size, checked
+from tmca.attributes import Attributes, attributes_of
 from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
-from tmca.codes.files import TILE, Axes, code_variables, tensors
+from tmca.codes.files import TILE, Axes, Frame, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
@@ -34,7 +33,23 @@ CODING = tuple(Codes.__dataclass_fields__)
 """Parts of the description of codes, which constructors also take one by one."""
 
 
-class Camera(CameraParts, nn.Module, ABC):
+class CameraAttributes(Attributes):
+    """What a file says of any camera; ``Sensor`` checks its own arguments, and ``size`` is where codes repeat."""
+
+    exposure: str
+    full_scale: float = Field(gt=0)
+    sensor: Json[dict[str, Any]]
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
+    size: Json[Frame] | None = None
+
+
+class CodedAttributes(CameraAttributes):
+    """Of a camera with an aperture and a shutter."""
+
+    period: Json[Frame | None] = None
+
+
+class Camera(FromArguments, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
@@ -61,9 +76,7 @@ class Camera(CameraParts, nn.Module, ABC):
             CAMERAS[cls.kind] = cls
 
     @checked
-    def __init__(
-        self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None, buckets: Count = 1
-    ) -> None:
+    def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None, buckets: Count = 1) -> None:
         super().__init__()
         self.size, self.slots, self.buckets = size, slots, buckets
         check_choice("exposure", exposure, EXPOSURES)
@@ -127,8 +140,8 @@ class Camera(CameraParts, nn.Module, ABC):
             "sensor": json.dumps(self.sensor.settings()), "tmca_version": __version__,
         }  # fmt: skip
         size = {"size": json.dumps(self.size)} if tiled else {}
-        size |= {"buckets": self.buckets} if self.buckets > 1 else {}
-        return xr.Dataset(parts, coordinates, {**common, **attributes, **size})
+        buckets = {"buckets": self.buckets} if self.buckets > 1 else {}
+        return xr.Dataset(parts, coordinates, {**common, **attributes, **size, **buckets})
 
     @classmethod
     def from_variables(cls, dataset: xr.Dataset, where: str, **changes: Any) -> Self:
@@ -138,7 +151,6 @@ class Camera(CameraParts, nn.Module, ABC):
             DataError: variables that make no camera; ``where`` names their file.
         """
         stated = attributes_of(cls.attributes, dataset.attrs, where)
-        check_frame(stated.size, where)
         try:
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}

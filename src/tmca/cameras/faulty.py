@@ -10,9 +10,8 @@ from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera, CodedCamera
 from tmca.cameras.light_field import LightFieldCamera
-from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_psf

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
+from pydantic import Json
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import CodedCamera
-from tmca.cameras.stated import LightFieldAttributes
+from tmca.cameras.camera import CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
@@ -34,6 +34,13 @@ PRESETS: dict[str, dict[str, Any]] = {
     "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot"},
     "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
+
+
+class LightFieldAttributes(CodedAttributes):
+    """What a file says of the light-field camera."""
+
+    shear: Json[float | tuple[float, float]] = 1.0
+    mask_scale: float
 
 
 class LightFieldCamera(CodedCamera):
@@ -58,7 +65,7 @@ class LightFieldCamera(CodedCamera):
             (1-s)·p.
         vignetting: (V, U) share ω of the light of every view; ones if None.
         sensor: noise, full well, bits; an ideal sensor if None.
-        buckets: R in which a pixel collects light: with one, that of closed slots is lost; with two it is in the second.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
         coding: parts of the description of the codes, see ``Codes``: ``aperture``, ``shutter``, ``period``, ….
 
     Raises:

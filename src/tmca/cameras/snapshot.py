@@ -105,13 +105,17 @@ class Snapshot(Generic[Kind]):
         notes = {str(name): value for name, value in dataset.attrs.items() if name not in camera.variables().attrs}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
 
+    def image(self) -> np.ndarray:
+        """(H, W') mean of its colours or channels; of several buckets (R, H, W')."""
+        buckets = self.values.unflatten(1, (self.camera.buckets, -1)).mean((0, 2)).numpy(force=True)
+        return buckets if self.camera.buckets > 1 else buckets[0]
+
     def plot(self) -> Figure:
         """The snapshot as a picture."""
         from tmca.plots.codes import snapshot_figure
 
         title = f"{self.camera.kind}, K = {self.camera.slots}"
-        image = self.values.mean((0, 1)).numpy(force=True)
-        return snapshot_figure(image, self.camera.full_scale, self.camera.channel, title)
+        return snapshot_figure(self.image(), self.camera.full_scale, self.camera.channel, title)
 
     def __repr__(self) -> str:
         camera, noise = self.camera, self.camera.noise

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CodedCamera
-from tmca.cameras.stated import SpectralAttributes
+from tmca.cameras.camera import BandCamera, CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
@@ -47,6 +47,19 @@ PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
+_Blur = Annotated[float, Field(ge=0, le=1000)]
+
+
+class SpectralAttributes(CodedAttributes):
+    """What a file says of the spectral camera."""
+
+    disperser: str
+    dispersion_axis: Literal["x"] = "x"
+    origin: float
+    relay_blur: Json[_Blur | tuple[_Blur, ...]] = 0.0
+    beside: Json[tuple[int, int]] = (0, 0)
+
+
 class SpectralCamera(BandCamera, CodedCamera):
     """A snapshot spectral camera with a time-multiplexed coded aperture.
 
@@ -72,7 +85,7 @@ class SpectralCamera(BandCamera, CodedCamera):
         coloured: (L, H, W) transmittance of a static coloured aperture, which takes the place of the codes: an open
             shutter, one slot, a single disperser, no relay blur.
         beside: columns of the dispersed light that fall left and right of the sensor.
-        buckets: R in which a pixel collects light: with one, that of closed slots is lost; with two it is in the second.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
         coding: parts of the description of the codes, see ``Codes``: ``aperture``, ``shutter``, ``period``, ….
 
     Raises:

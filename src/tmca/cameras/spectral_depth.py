@@ -13,28 +13,25 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera
-from tmca.cameras.phase_parts import PhaseCodes, mask_maps, shutter_plane
+from tmca.cameras.camera import BandCamera, CameraAttributes
 from tmca.cameras.sensor_tiles import exposed_in_tiles
-from tmca.cameras.stated import PhaseAttributes, SpectralDepthAttributes, check_optics
+from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array
 from tmca.codes.buckets import bucket_shutters
 from tmca.codes.files import TILE, Axes, compact, tensors
 from tmca.errors import SettingError, check_choice
-from tmca.operators.spectral_depth import (
-    LayeredOperator,
-    check_pixel,
-    equivalent_psf,
-    framed,
-    transfer_functions,
-)
+from tmca.operators.spectral_depth import LayeredOperator, check_pixel, equivalent_psf, framed, transfer_functions
 from tmca.optics import (
     MODES,
     DepthPlanes,
     HeightMaps,
+    PhaseAttributes,
     PhaseMaskBench,
+    PointSpread,
     Stroke,
+    check_stated,
     family_parameters,
+    mask_maps,
     restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
@@ -81,6 +78,26 @@ PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
+class SpectralDepthAttributes(CameraAttributes, PhaseAttributes):
+    """Of the whole camera."""
+
+    image_formation: str = "linear"
+
+
+class PhaseCodes(nn.Module):
+    """Height maps, with the point spread functions that they make, and shutter patterns (K, H, W): what a camera shows.
+
+    Called, it gives the height maps (K, Hm, Wm) in metres and the shutter.
+    """
+
+    def __init__(self, optics: PointSpread, shutter: nn.Module) -> None:
+        super().__init__()
+        self.optics, self.shutter = optics, shutter
+
+    def forward(self) -> tuple[Tensor, Tensor]:
+        return self.optics.heights(), self.shutter()
+
+
 class SpectralDepthCamera(BandCamera):
     """A snapshot camera for spectrum and depth with a time-multiplexed phase mask.
 
@@ -118,7 +135,7 @@ class SpectralDepthCamera(BandCamera):
         seed: of mask, shutter and filters.
         learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
         codes: masks with their optics, and shutter, as a module, in the place of what describes them.
-        buckets: R in which a pixel collects light: with one, that of closed slots is lost; with two it is in the second.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
             The channels of a snapshot are those of the first bucket, then those of the second.
 
     Raises:
@@ -370,7 +387,7 @@ def phase_settings(dataset: xr.Dataset, where: str, stated: PhaseAttributes) -> 
     """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
     family = [name for name in _FAMILIES if name in dataset]
     parts = tensors(dataset, where, "heights", "shutter", "cells", *family)
-    check_optics(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
+    check_stated(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
     return {
         **({} if stated.stroke is None else {"stroke": stated.stroke}),
         "bench": stated.bench,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
-from pydantic import Field, Json
+from pydantic import AfterValidator, Field, Json
 from torch import Tensor
 
 from tmca.attributes import REMEDY, Attributes, attributes_of
@@ -21,7 +21,19 @@ if TYPE_CHECKING:
 Axes = Sequence[str]
 TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
+MOST_PIXELS = 2**24
+"""Pixels of the frame over which codes of a file repeat: the file itself holds one tile of them."""
 _Side = Annotated[int, Field(ge=1)]
+
+
+def _few_enough(size: tuple[int, int]) -> tuple[int, int]:
+    if size[0] * size[1] > MOST_PIXELS:
+        raise ValueError(f"at most {MOST_PIXELS} pixels")
+    return size
+
+
+Frame = Annotated[tuple[_Side, _Side], AfterValidator(_few_enough)]
+"""Rows and columns of a frame or of a tile, as a file states them."""
 
 
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:

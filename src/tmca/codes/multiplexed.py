@@ -6,13 +6,12 @@ from dataclasses import dataclass, replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
 
-import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Seed, Share, checked
 from tmca.arguments import Size as Sides
 from tmca.codes.arrays import Array
-from tmca.codes.buckets import BURST, burst_pattern, check_buckets, check_patterns
+from tmca.codes.buckets import check_patterns, plane_patterns
 from tmca.codes.plane import CodePlane
 from tmca.errors import SettingError, ShapeError
 
@@ -57,30 +56,19 @@ class Codes:
         if self.learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
         how: dict[str, Any] = {"period": self.period, "jitter": self.jitter}
-        collected = self._collected(slots, shutter, buckets)
+        tile = (self.period, self.period) if isinstance(self.period, int) else self.period or shutter
+        collected, count = plane_patterns(self.shutter, slots, buckets, tile)
         planes = (
             CodePlane(
                 self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,
                 learnable=self.learnable in (True, "aperture"), name="aperture", **how,
             ),
             CodePlane(
-                collected, slots if isinstance(collected, str) else len(collected), shutter, density=self.duty,
-                seed=2 * self.seed + 1, learnable=self.learnable in (True, "shutter"), name="shutter", **how,
+                collected, count, shutter, density=self.duty, seed=2 * self.seed + 1,
+                learnable=self.learnable in (True, "shutter"), name="shutter", **how,
             ),
         )  # fmt: skip
         return MultiplexedCodes(*planes)
-
-    def _collected(self, slots: int, size: Size, buckets: int) -> str | Tensor:
-        """The shutter as its plane takes it: patterns of all buckets after each other."""
-        patterns = self.shutter
-        if isinstance(patterns, str) and patterns == BURST:
-            tile = size if self.period is None else self.period
-            patterns = burst_pattern(slots, tile if isinstance(tile, tuple) else (tile, tile), buckets)
-        if isinstance(patterns, str):
-            return patterns
-        values = torch.as_tensor(patterns)
-        values = values.expand(slots, -1, -1) if values.ndim == 2 else values
-        return check_buckets(values, buckets, slots) if values.ndim == 4 else values
 
 
 class MultiplexedCodes(nn.Module):
@@ -150,9 +138,7 @@ def fitted_codes(
         unknown = sorted(set(changes) - set(Codes.__dataclass_fields__))
         if unknown:
             raise SettingError(unknown[0], repr(changes[unknown[0]]), f"one of {', '.join(Codes.__dataclass_fields__)}")
-        planes = replace(codes or Codes(), **changes).planes(slots, aperture, shutter, buckets)
-        check_patterns(planes.shutter.slots, buckets, slots)
-        return planes
+        return replace(codes or Codes(), **changes).planes(slots, aperture, shutter, buckets)
     if changes:
         name, value = next(iter(changes.items()))
         raise SettingError(name, repr(value), "none beside codes", "leave it out, or leave codes out")

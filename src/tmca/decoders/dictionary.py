@@ -13,10 +13,10 @@ from torch import Tensor
 from tmca.decoders.decoder import Decoder, Progress
 from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
-from tmca.decoders.windows import RowBuffer
 from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
+from tmca.operators.windows import RowBuffer
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 

@@ -26,7 +26,7 @@ from tmca.evaluation.camera import CameraEvaluation, Place, Settings
 from tmca.evaluation.cells import Check, Measurement
 from tmca.evaluation.grid import cell_key
 from tmca.evaluation.scenes import read_once
-from tmca.priors.spectral_depth import needed_block
+from tmca.operators.window_moments import needed_block
 from tmca.training.scenes import place_of
 from tmca.training.starting_masks import usual_margin
 

@@ -29,8 +29,8 @@ def paired_blocks(code: Tensor, pairs: Iterable[tuple[int, int, int]], columns: 
 
 
 def solve_blocks(blocks: Tensor, right: Tensor) -> Tensor:
-    """``blocks⁺ right``: (H, n, R, R) positive semidefinite, right (..., H, n, R); the least-norm solution where a block
-    is singular, as under a shutter that leaves a bucket dark."""
+    """``blocks⁺ right``: blocks (H, n, R, R) positive semidefinite, right (..., H, n, R); the least-norm solution where
+    one is singular, as under a shutter that leaves a bucket dark."""
     return (pseudo_inverse(blocks) @ right[..., None])[..., 0]
 
 

@@ -1,7 +1,8 @@
 """Kernels of the collapsed cameras: two trilinear forms, each with three faces that are the derivatives of each other.
 
 **Taps**, ``Σ_t Σ_{b,m,n} y[b, r_t, m, n + o_t] · code[t, m, n] · x[b, c_t, m, n]``: the face of y is the forward model,
-that of x the adjoint; r_t is the bucket that a tap fills. One multiply-add per tap, in place, on views of the snapshot: the floor is reading the scene once.
+that of x the adjoint; r_t is the bucket that a tap fills. One multiply-add per tap, in place, on views of the
+snapshot: the floor is reading the scene once.
 
 **Sheared codes**, ``Σ_t Σ_k code[t] · near[k] · wide[k, r_t : r_t + H, c_t : c_t + W]``: the face of the code is the
 time-multiplexed code cube (thesis eqs 12, 20), one plane of codes seen through a shifted copy of the other. The single

@@ -242,8 +242,13 @@ class Buckets(LinearOperator):
 
     def __init__(self, parts: Sequence[LinearOperator]) -> None:
         super().__init__()
-        self.parts, self.scene_shape = nn.ModuleList(parts), parts[0].scene_shape
+        self._parts, self.scene_shape = nn.ModuleList(parts), parts[0].scene_shape
         self.snapshot_shape = (len(parts), *parts[0].snapshot_shape[1:])
+
+    @property
+    def parts(self) -> list[LinearOperator]:
+        """The operator of every bucket."""
+        return [part for part in self._parts if isinstance(part, LinearOperator)]
 
     @classmethod
     def of(cls, parts: Sequence[LinearOperator]) -> LinearOperator:

@@ -126,8 +126,8 @@ class Taps:
         return bool(self._neighbours())
 
     def gram_blocks(self) -> tuple[Tensor, Tensor | None]:
-        """``A Aᵀ`` by sensor pixel: (H, W', R, R) of its buckets with each other, and (H, W'-1, R, R) of them with those
-        of the right neighbour, None if there is none; float64."""
+        """``A Aᵀ`` by sensor pixel: (H, W', R, R) of its buckets with each other, and (H, W'-1, R, R) of them with
+        those of the right neighbour, None if there is none; float64."""
         code, offsets = self.bucket_code.double(), self.of_bucket(self.offsets)
         same = paired_blocks(code, [(t, t, offset) for t, offset in enumerate(offsets)], self.snapshot_width)
         ties = [(a, b, offsets[a]) for a, b in self._neighbours()]

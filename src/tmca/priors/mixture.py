@@ -356,5 +356,7 @@ def _glance(model: BlockModel) -> Tensor:
     """Indices of the measurements of a few rows of a block, evenly through its height, in every bucket."""
     rows = model.block[1]
     count = min(_GLANCE_ROWS, rows)
-    chosen = torch.tensor([r * rows + (2 * i + 1) * rows // (2 * count) for r in range(model.buckets) for i in range(count)])
+    chosen = torch.tensor(
+        [r * rows + (2 * i + 1) * rows // (2 * count) for r in range(model.buckets) for i in range(count)]
+    )
     return (chosen[:, None] * model.columns + torch.arange(model.columns)).flatten()

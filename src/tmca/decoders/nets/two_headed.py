@@ -21,9 +21,9 @@ from tmca.decoders.likelihood import (
 from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps, settings_of
 from tmca.decoders.nets.unet import ConvolutionalBody
 from tmca.errors import SettingError, check_choice, check_shape
+from tmca.operators.window_moments import CONTAMINATION, WINDOW
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import CONTAMINATION, WINDOW
 from tmca.sensor import Noise
 
 DEPTH_STARTS = ("snapshot", "likelihood")
@@ -225,7 +225,8 @@ def _repeated(tile: Tensor, size: tuple[int, int]) -> Tensor:
 def camera_sizes(camera: SpectralDepthCamera) -> dict[str, int]:
     """What a network and a camera have to agree on."""
     return {
-        "bands": camera.bands, "planes": camera.planes.count, "channels": len(camera.response), "slots": camera.slots,
+        "bands": camera.bands, "planes": camera.planes.count, "channels": camera.snapshot_shape[0],
+        "slots": getattr(camera.shutter, "slots", camera.slots),
         "filters": len(camera.filters.filters),
     }  # fmt: skip
 

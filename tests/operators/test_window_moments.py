@@ -7,9 +7,9 @@ import torch
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.errors import SettingError, ShapeError
+from tmca.operators.window_moments import needed_block, snapshot_moments
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block, snapshot_moments
 
 BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=24, diameter=1e-3)
 

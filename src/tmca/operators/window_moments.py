@@ -9,7 +9,7 @@ point spread functions, filters and shutter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -17,14 +17,28 @@ from torch import Tensor
 from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.spectral_depth import framed, transfer_functions
 
-if TYPE_CHECKING:
-    from tmca.priors.gaussian import GaussianPrior
-
 WINDOW = 12
 """Side of the windows that depth is decoded from, pixels."""
 CONTAMINATION = 0.1
 """Share of what a window sees that decoders and designs expect from any plane: the one with which the spectrum of
 training scenes is identified best behind random masks and optimised ones (``benchmarks/depth_likelihood.py``)."""
+
+
+class SceneMoments(Protocol):
+    """What of a prior of scene blocks (L, h, w) counts here, such as a ``GaussianPrior``.
+
+    ``displaced`` is the covariance (L, L, 2h-1, 2w-1) of two pixels by their displacement; it is of use where it is the
+    same everywhere and ``mirrored``, the same in mirror image.
+    """
+
+    @property
+    def block(self) -> tuple[int, int, int]: ...
+    @property
+    def mean(self) -> Tensor: ...
+    @property
+    def displaced(self) -> Tensor: ...
+    @property
+    def mirrored(self) -> bool: ...
 
 
 @dataclass(frozen=True)
@@ -48,7 +62,7 @@ def needed_block(window: int, psf: tuple[int, int]) -> tuple[int, int]:
 
 
 def snapshot_moments(
-    prior: GaussianPrior,
+    prior: SceneMoments,
     psf: Tensor,
     colour: Tensor,
     shutter: Tensor,
@@ -133,7 +147,7 @@ def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     return filters, shown, kind.reshape(shutter.shape[-2:])
 
 
-def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
+def _check(prior: SceneMoments, psf: Tensor, window: int) -> None:
     if not prior.mirrored:
         raise SettingError("prior", "one that depends on place or direction", "a stationary one", "learn it anew")
     bands, wanted = psf.shape[2], needed_block(window, (psf.shape[-2], psf.shape[-1]))
@@ -142,7 +156,7 @@ def _check(prior: GaussianPrior, psf: Tensor, window: int) -> None:
         raise ShapeError("prior", found, needed, "learn it with larger blocks, or take a smaller window")
 
 
-def _power(prior: GaussianPrior, needed: tuple[int, int], frame: tuple[int, int]) -> Tensor:
+def _power(prior: SceneMoments, needed: tuple[int, int], frame: tuple[int, int]) -> Tensor:
     """(F, L, L) spectrum of the prior's covariance over the displacements that are needed, F frequencies."""
     rows, columns = (slice(have - need, have + need - 1) for have, need in zip(prior.block[1:], needed, strict=True))
     return transfer_functions(prior.displaced[..., rows, columns], frame).flatten(2).permute(2, 0, 1)
