@@ -44,7 +44,7 @@ IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
 PROBE = (512, 512)
 """Pixels of a camera that is only asked what it is, or whether it can be: any tile fits."""
-_SHARED = {"size", "exposure", "image_formation", "sensor", "filters"}
+_SHARED = {"size", "buckets", "exposure", "image_formation", "sensor", "filters"}
 """Parts that leave optics and codes as they are."""
 _THESIS: dict[str, Any] = {
     # thesis 5.2: 25 bands from 440 to 680 nm, K = 4, eight planes from 0.4 to 2.0 m, R = 4 filters, 256×256 patches.
