@@ -16,7 +16,7 @@ from torch import Tensor
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import SpectralDepthCamera
-from tmca.codes import FAMILIES
+from tmca.codes import BURST, FAMILIES
 from tmca.codes.files import read_codes
 from tmca.data import read_array
 from tmca.errors import SettingError, TmcaError
@@ -115,7 +115,8 @@ def _coded(spec: CodedSpec, shape: dict[str, Any]) -> dict[str, Any]:
         others = spec.only("preset", "weights", "coloured")
         arguments |= _alone(read_codes(spec.codes).settings(), arguments, others)
     for plane in _PLANES:
-        if isinstance(arguments.get(plane), str) and arguments[plane] not in FAMILIES:
+        families = (*FAMILIES, BURST) if plane == "shutter" else FAMILIES
+        if isinstance(arguments.get(plane), str) and arguments[plane] not in families:
             arguments[plane] = read_patterns(arguments[plane], plane)
     patterns = [arguments[plane] for plane in _PLANES if isinstance(arguments.get(plane), Tensor)]
     if patterns and patterns[0].ndim == 3:
