@@ -5,9 +5,9 @@ import torch
 
 from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
 from tmca.errors import SettingError, ShapeError
-from tmca.operators import Taps, sparse_matrix
+from tmca.operators import Taps, of_buckets, single_disperser, sparse_matrix
 from tmca.operators.bucket_gram import pseudo_inverse, solve_tied_blocks
-from tmca.optics import PhaseMaskBench
+from tmca.optics import Dispersion, PhaseMaskBench
 
 BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=12, diameter=1e-3)
 CAMERAS = {
@@ -151,3 +151,15 @@ def test_codes_of_several_buckets_do_not_serve_one():
 def test_taps_of_buckets_must_be_alike():
     with pytest.raises(ShapeError):
         Taps(torch.ones(2, 3, 4), (0, 1), (0, 0), 2, 4, buckets=2)
+
+
+@pytest.mark.parametrize("steps", [[0, 1, 2], [0.5, 0, -1.2]])
+def test_derivatives_in_scene_and_both_planes_are_those_of_differences(steps):
+    dispersion = Dispersion(tuple(map(float, steps)))
+
+    def seen(scene, aperture, shutter):
+        build = (single_disperser(aperture, shown, dispersion) for shown in (shutter, 1 - shutter))
+        return of_buckets(list(build)).A(scene)
+
+    given = rand(2, 3, 3, 4), rand(2, 3, 4, seed=1), rand(2, 3, 4 + dispersion.extent, seed=2)
+    assert torch.autograd.gradcheck(seen, tuple(part.requires_grad_() for part in given))

@@ -30,6 +30,12 @@ def bucket_shutters(shutter: Tensor, slots: int, buckets: int) -> Tensor:
     return torch.stack((shutter, 1 - shutter))
 
 
+def mixed_buckets(shutters: Tensor, leakage: float) -> Tensor:
+    """(R, K, H, W') of buckets each of which loses a share of its light to the others, evenly."""
+    others = shutters.sum(0, keepdim=True) - shutters
+    return (1 - leakage) * shutters + leakage / max(1, len(shutters) - 1) * others
+
+
 def check_patterns(count: int, buckets: int, slots: int) -> None:
     """Raises SettingError unless so many patterns say what each of R buckets collects in K slots."""
     if count != buckets * slots and (count != slots or buckets > 2):

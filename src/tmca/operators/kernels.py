@@ -60,22 +60,29 @@ class _Face(torch.autograd.Function):
         return None, None, to_one, to_other, None
 
 
+def _taps(layout: Layout) -> Iterator[tuple[int, int, int, int]]:
+    """(index, bucket, channel, offset) of every tap, those of all buckets together: they read the same channel."""
+    channels, offsets, _, _, buckets = layout
+    share = len(channels) // buckets
+    for t in range(share):
+        for bucket in range(buckets):
+            yield bucket * share + t, bucket, channels[t], offsets[t]
+
+
 def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, _, width, buckets = layout
-    snapshot = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width)
-    columns, share = code.shape[2], len(channels) // buckets
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        snapshot[:, t // share, :, offset : offset + columns].addcmul_(scene[:, channel], code[t])
+    *_, width, buckets = layout
+    snapshot, columns = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width), code.shape[2]
+    for t, bucket, channel, offset in _taps(layout):
+        snapshot[:, bucket, :, offset : offset + columns].addcmul_(scene[:, channel], code[t])
     return snapshot
 
 
 def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, scene_channels, _, buckets = layout
-    columns, share = code.shape[2], len(channels) // buckets
+    scene_channels, columns = layout[2], code.shape[2]
     scene = snapshot.new_empty(snapshot.shape[0], scene_channels, *code.shape[1:])
     seen: set[int] = set()
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        light = snapshot[:, t // share, :, offset : offset + columns]
+    for t, bucket, channel, offset in _taps(layout):
+        light = snapshot[:, bucket, :, offset : offset + columns]
         if channel in seen:
             scene[:, channel].addcmul_(light, code[t])
         else:
@@ -87,11 +94,10 @@ def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
 
 
 def _code_of_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, _, _, buckets = layout
-    (batch, _, rows, columns), share = scene.shape, len(channels) // buckets
-    code = scene.new_empty(len(channels), rows, columns)
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        light = snapshot[:, t // share, :, offset : offset + columns]
+    batch, _, rows, columns = scene.shape
+    code = scene.new_empty(len(layout[0]), rows, columns)
+    for t, bucket, channel, offset in _taps(layout):
+        light = snapshot[:, bucket, :, offset : offset + columns]
         torch.mul(scene[0, channel], light[0], out=code[t])
         for b in range(1, batch):
             code[t].addcmul_(scene[b, channel], light[b])
