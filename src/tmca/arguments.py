@@ -1,4 +1,7 @@
-"""Arguments as their annotations say: what a public call takes is declared once, in its signature."""
+"""Arguments as their annotations say: what a public call takes is declared once, in its signature.
+
+So are the parts of which cameras are made anew, and the settings of decoders, fields of a data class.
+"""
 
 from __future__ import annotations
 
@@ -160,7 +163,7 @@ def reason(error: BaseException) -> str:
 
 
 class FromArguments:
-    """An object that knows the arguments of its constructor, and makes others of them: presets, and other parts.
+    """A camera that knows the arguments of its constructor, and makes others of them: of presets, and of other parts.
 
     ``_given`` are those that it was made of.
     """

@@ -23,7 +23,7 @@ TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
 MOST_PIXELS = 2**24
 """Pixels of the frame over which codes of a file repeat: the file itself holds one tile of them."""
-_Side = Annotated[int, Field(ge=1)]
+_Side = Annotated[int, Field(ge=1, le=2**16)]
 
 
 def _few_enough(size: tuple[int, int]) -> tuple[int, int]:

@@ -23,8 +23,6 @@ from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.tiles import first_estimate
 from tmca.decoders.nets.weights import OtherCodes, Weights
 from tmca.decoders.pnp import (
-    chambolle_denoiser,
-    module_denoiser,
     nl_means_denoiser,
     per_band,
     pnp_admm,
@@ -54,7 +52,6 @@ __all__ = [
     "admm_tv",
     "batch_omp",
     "build_network",
-    "chambolle_denoiser",
     "decode",
     "decode_light_field",
     "decoders",
@@ -65,7 +62,6 @@ __all__ = [
     "frame_operator",
     "lasso_admm",
     "make_decoder",
-    "module_denoiser",
     "nl_means_denoiser",
     "per_band",
     "pnp_admm",
