@@ -84,7 +84,9 @@ def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
 
 
 class CodesAttributes(Attributes):
-    """Of a codes file: rows and columns of the period, one number for both, or none."""
+    """Of a codes file: rows and columns of the period, one number for both, or none; buckets of a sensor pixel."""
+
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
 
     period: tuple[_Side, _Side] | _Side | Json[tuple[_Side, _Side] | tuple[()] | None] | None = None
 
@@ -95,18 +97,21 @@ class CodesFile:
 
     Args:
         aperture: (K, h, w) of zeros and ones, one period or the full frame.
-        shutter: (K, h, w') likewise.
+        shutter: (K, h, w') likewise; (R, K, h, w') of all R buckets.
         period: (rows, columns) in which both repeat; None for full-frame codes.
+        buckets: R of a sensor pixel.
     """
 
     aperture: Tensor
     shutter: Tensor
     period: tuple[int, int] | None
+    buckets: int = 1
 
     def settings(self) -> dict[str, Any]:
         """Arguments of a camera with these codes."""
         tile = self.period[0] if self.period is not None and len(set(self.period)) == 1 else self.period
-        return {"aperture": self.aperture, "shutter": self.shutter, "slots": len(self.aperture), "period": tile}
+        shown = {"aperture": self.aperture, "shutter": self.shutter, "slots": len(self.aperture), "period": tile}
+        return shown | ({"buckets": self.buckets} if self.buckets > 1 else {})
 
 
 def write_codes(
@@ -116,9 +121,10 @@ def write_codes(
     period: tuple[int, int] | None,
     notes: Mapping[str, Any] | None = None,
     *,
+    buckets: int = 1,
     overwrite: bool = False,
 ) -> Path:
-    """Write patterns (K, h, w) of both planes as NetCDF with labels.
+    """Write patterns (K, h, w) of both planes as NetCDF with labels; those of R buckets as (R·K, h, w').
 
     Raises:
         SettingError: patterns that are not zeros and ones.
@@ -128,11 +134,14 @@ def write_codes(
 
     from tmca.data import write_dataset
 
-    planes = code_variables((aperture, shutter), ("y", "x"), ("y", "x_sensor"))
+    axes: Axes = ("y", "x_sensor")
+    if len(shutter) > len(aperture):
+        axes, shutter = ("bucket", *axes), shutter.unflatten(0, (buckets, -1))
+    planes = code_variables((aperture, shutter), ("y", "x"), axes)
     for name, (_, values, _) in planes.items():
         if values.dtype != np.uint8:
             raise SettingError(name, "grey values", "zeros and ones in a file of codes")
-    attributes = {**(notes or {}), "period": list(period or ())}
+    attributes = {**(notes or {}), "period": list(period or ()), **({"buckets": buckets} if buckets > 1 else {})}
     return write_dataset(xr.Dataset(planes, attrs=attributes), path, overwrite=overwrite)
 
 
@@ -146,11 +155,13 @@ def read_codes(path: str | Path) -> CodesFile:
 
     stored = read_dataset(path, ("aperture", "shutter"))
     aperture, shutter = tensors(stored, str(path), "aperture", "shutter").values()
-    if aperture.ndim != 3 or shutter.ndim != 3 or not 0 < len(aperture) == len(shutter):
+    about = attributes_of(CodesAttributes, stored.attrs, path)
+    slots = shutter.shape[-3:-2] if shutter.ndim == 3 or tuple(shutter.shape[:1]) == (about.buckets,) else ()
+    if aperture.ndim != 3 or shutter.ndim > 4 or slots != aperture.shape[:1] or not len(aperture):
         text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
         raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
     for name, plane in (("aperture", aperture), ("shutter", shutter)):
         if not bool(((plane >= 0) & (plane <= 1)).all()):
             raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)
-    period = attributes_of(CodesAttributes, stored.attrs, path).period
-    return CodesFile(aperture, shutter, (period, period) if isinstance(period, int) else period or None)
+    period = (about.period, about.period) if isinstance(about.period, int) else about.period or None
+    return CodesFile(aperture, shutter, period, about.buckets)

@@ -31,7 +31,7 @@ class Codes:
         duty: share of open shutter pixels of a named family.
         period: tile of both planes, pixels; full frame if None.
         seed: same seed, same codes; aperture and shutter draw from different streams.
-        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``; patterns of all buckets are never learned.
         jitter: of the logits' distances from their threshold, see ``CodePlane``.
 
     Raises:
@@ -65,7 +65,7 @@ class Codes:
             ),
             CodePlane(
                 collected, count, shutter, density=self.duty, seed=2 * self.seed + 1,
-                learnable=self.learnable in (True, "shutter"), name="shutter", **how,
+                learnable=self.learnable in (True, "shutter") and count == slots, name="shutter", **how,
             ),
         )  # fmt: skip
         return MultiplexedCodes(*planes)

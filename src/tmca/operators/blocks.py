@@ -6,7 +6,7 @@ blocks that see them whole. Blocks may hang over the image's edge, where the cod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -52,6 +52,10 @@ class BlockModel:
         offsets = tuple(o - origin for o in taps.of_bucket(taps.offsets))
         return cls(block, taps.of_bucket(taps.channels), offsets, origin, taps.buckets)
 
+    def for_buckets(self, buckets: int) -> BlockModel:
+        """The same blocks before a sensor with another number of buckets a pixel."""
+        return replace(self, buckets=buckets)
+
     @property
     def span(self) -> int:
         """Columns between the first and the last tap."""
@@ -89,6 +93,9 @@ class BlockModel:
     def complete(self, windows: Tensor) -> Tensor:
         """(P, T, R·h, columns) the part of code windows (P, R·T, h, w) that feeds the complete measurements: weights of
         the T taps of a bucket, the rows of all buckets below each other."""
+        if windows.shape[1] != self.buckets * len(self.offsets):
+            found, expected = f"{windows.shape[1]} taps", f"{len(self.offsets)} for each of {self.buckets} buckets"
+            raise ShapeError("code", found, expected, "take a model of this camera")
         every = windows.unflatten(1, (self.buckets, -1))
         parts = [every[:, :, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
         return torch.stack(parts, 1).flatten(2, 3)
