@@ -33,8 +33,10 @@ def open_run(folder: Path, settings: RunSettings, lists: SceneLists) -> None:
         DataError: its description cannot be read.
     """
     described = {"settings": settings.model_dump(mode="json"), "scenes": vars(lists)}
-    for place in (folder, *(place for place in folder.iterdir() if place.is_dir())):
-        sweep(place)
+    sweep(folder)
+    for place in folder.iterdir():
+        if place.is_dir() and not place.name.startswith("."):
+            sweep(place)
     about = folder / _ABOUT
     if about.exists() and latest_checkpoint(folder / "checkpoints") is not None:
         _check_same(about, json.loads(json.dumps(described)))
