@@ -129,7 +129,6 @@ def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
 
 @pytest.mark.slow
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
-    monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr("tmca.priors.finding._VIEWS_SIZE", (40, 48))
     found = run_demo(tmp_path / "demo", size=(40, 48))
     assert len(found["rows"]) == 10

@@ -50,7 +50,7 @@ def study(folder):
     about["settings"], about["search"] = {"period": [6, 6]}, {"effort": EFFORT}
     about["train"] |= {"steps": 4, "repeat": 1, "rendered": False}
     about["train"]["settings"]["data"]["patch"] = 16
-    about |= {"seeds": 2, "priors": {"dictionary": {"atoms": 40}}}
+    about |= {"seeds": 2, "priors": {"dictionary": {"atoms": 40}, "mixture": {"kinds": 3, "rank": 20, "samples": 2000}}}
     about["scenes"] = {name: [str(folder / f"{name}.txt")] for name in ("train", "test")}
     return checked_study(about, "small")
 

@@ -11,6 +11,7 @@ from scipy.stats import rankdata
 
 import tmca
 from studies.codes import ranking as ranks
+from studies.codes import study as studied
 from studies.codes.ablation import INGREDIENTS
 from studies.codes.figures import _draw_bars, study_figures
 from studies.codes.learned import prior_file
@@ -39,9 +40,11 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_scenes():
+def few_noises_and_small_scenes():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ranks, "SIZE", (48, 48))
+        patch.setattr(studied, "READ_NOISES", (0.0, 0.001, 0.01))
+        patch.setattr(studied, "FULL_WELLS", (1e3, 1e4))
         yield
 
 

@@ -62,6 +62,7 @@ def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_mixtures")
 def test_a_network_starts_from_the_mixture_where_codes_are_fixed(tmp_path):
     mixture = {**tiny.DESCRIBED["decoder"], "start": "mixture"}
     found = Weights.load(tiny.train(tmp_path / "run", **FIXED, decoder=mixture).weights)

@@ -52,12 +52,11 @@ class AskedBench:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
 
-    def bench(self, taken: Any, done: int, whole: bool) -> Any:
+    def bench(self, taken: Any, whole: bool) -> Any:
         """The bench.
 
         Args:
             taken: snapshot of the camera.
-            done: frames that it took before.
             whole: whether its frames are whole exposures, or slots.
         """
         from tmca.lab.acquisition.drivers import find_device
@@ -65,7 +64,7 @@ class AskedBench:
         if self.device != "simulated":
             return find_device(self.device, **_driver_settings(self.settings))
         made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.hardware}
-        made |= {"stops_after": self.stops_after, "taken": done, "whole": whole}
+        made |= {"stops_after": self.stops_after, "whole": whole}
         scene = [] if self.scene is None else _scene(self.scene, taken)
         return find_device("simulated", camera=taken.camera, scene=scene, **made)
 

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 _BENCH = Group("Simulated bench", sort_key=1)
 _USUAL = CalibrationOptions()
-_APART = 100_000
-"""Frames between two steps of a simulated bench, whose noise is counted by frames."""
 
 
 def capture(
@@ -83,8 +81,7 @@ def capture(
     manifest = read_manifest(export)
     steps, whole = steps_of(taken.camera, manifest), exposed_whole(manifest)
     for one in _all(steps, device, taken.camera, whole) if step == "all" else (step,):
-        first = _APART * (1 + steps.index(one)) if one in steps else 0
-        bench = asked.bench(taken, first, whole)
+        bench = asked.bench(taken, whole)
         _captured(one, export, bench, out, taken.camera, wanted, asked)
         print(_next(one, out, wanted))
 

@@ -64,7 +64,6 @@ def capture(
         stops_after: frames after which it does not answer any more.
         json: print what was written as JSON.
     """
-    from tmca.lab.acquisition.captures import captured_so_far
     from tmca.lab.acquisition.session import check_camera, joined
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
@@ -79,14 +78,19 @@ def capture(
     if device == "simulated" and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     asked = AskedBench(device, set_ or [], bits, seed, stops_after, faults, scene, timeout)
-    bench = asked.bench(taken, len(captured_so_far(out, export)["frames"]), exposed_whole(read_manifest(export)))
+    bench = asked.bench(taken, exposed_whole(read_manifest(export)))
     how = {"gain": None, "repeats": repeat, "camera": taken.camera, "bench": asked.said(), "timeout": timeout}
-    _captured(export, bench, out, how)
-    captured = joined(out, export, taken.camera)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
-    captured.notes |= {**read, "scene": scene or ""} | ({"hardware": faults.described()} if faults.faults() else {})
-    captured.save(target, overwrite=overwrite)
-    _say(target, out, captured, json)
+    about = {**read, "scene": scene or ""} | ({"hardware": faults.described()} if faults.faults() else {})
+    captured: list[Any] = []
+
+    def join() -> None:
+        captured.append(joined(out, export, taken.camera))
+        captured[0].notes |= about
+        captured[0].save(target, overwrite=overwrite)
+
+    _captured(export, bench, out, {**how, "finish": join})
+    _say(target, out, captured[0], json)
 
 
 def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:

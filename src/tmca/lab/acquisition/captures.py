@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import atomic_path, checksum_of, make_folder, sole_process, tiff_bytes, write_json
+from tmca.data import atomic_path, checksum_of, held_folder, make_folder, tiff_bytes, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
@@ -111,12 +111,8 @@ def in_use(folder: Path) -> Iterator[None]:
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-    try:
-        with sole_process(make_folder(folder), "a capture"):
-            yield
-    finally:
-        with suppress(OSError):  # frames hold it fast
-            folder.rmdir()
+    with held_folder(folder, "a capture"):
+        yield
 
 
 def keep(

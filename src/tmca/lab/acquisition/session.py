@@ -57,6 +57,7 @@ def capture(
     bench: Mapping[str, Any] | None = None,
     timeout: float | None = None,
     progress: Progress | None = None,
+    finish: Callable[[], None] | None = None,
 ) -> Path:
     """Capture every frame of an export; what is there already stays, but of frames that are files.
 
@@ -75,6 +76,7 @@ def capture(
         timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
             long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
         progress: told (frames done, all, name).
+        finish: called when all frames are there, while other processes are still kept out of the folder.
 
     Raises:
         DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
@@ -111,8 +113,10 @@ def capture(
                 keep(values, frame, record, folder, source)
             if progress:
                 progress(done + 1, len(wanted), frame.name)
-    if not isinstance(device, SimulatedBench):
-        warn_of_frames(folder, record)
+        if not isinstance(device, SimulatedBench):
+            warn_of_frames(folder, record)
+        if finish:
+            finish()
     return folder
 
 
