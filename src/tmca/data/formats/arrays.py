@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
-from tmca.data.formats.hdf5_heaps import endless_heap
+from tmca.data.formats.hdf5_structure import damaged_scales, lies_elsewhere, misleading
 from tmca.data.formats.limits import check_array
 from tmca.data.formats.stored import Contents, Stored, from_array, lazy, reads, whole_file
 from tmca.data.formats.wavelengths import give_wavelengths
@@ -113,10 +113,8 @@ def open_h5(path: Path, kind: str = LABELLED) -> Iterator[h5py.File]:
     import h5py
 
     with whole_file(path, kind):
-        if endless_heap(path):
-            raise DataError(
-                path, "a damaged heap of texts and references", f"a whole {kind}", "fetch or write it again"
-            )
+        if found := misleading(path):
+            raise DataError(path, found, f"a whole {kind}", "fetch or write it again")
         file = h5py.File(path, "r")
     with file:
         yield file
@@ -138,7 +136,7 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     elif _is_classic(path):
         options |= {"engine": "scipy"}
     else:
-        _check_coordinates(path)
+        _check_labels(path)
         options |= {"engine": "h5netcdf", "phony_dims": "sort"}
     with whole_file(path, LABELLED):
         dataset = xarray.open_dataset(path, **options)
@@ -146,10 +144,32 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         yield dataset
 
 
-def _check_coordinates(path: Path) -> None:
-    """Coordinates are loaded when a file is opened: none may be larger than what may be loaded."""
+@contextmanager
+def open_groups(path: Path, kind: str) -> Iterator[dict[str, xarray.Dataset]]:
+    """The groups of the first level of a NetCDF file (HDF5), lazily.
+
+    Raises:
+        DataError: not one, or damaged.
+    """
+    import xarray
+
+    _check_labels(path)
+    with whole_file(path, kind):
+        tree = xarray.open_datatree(path, engine="h5netcdf")
+    with tree:
+        with whole_file(path, kind):
+            groups = {str(name): group.to_dataset() for name, group in tree.children.items()}
+        yield groups
+
+
+def _check_labels(path: Path) -> None:
+    """Coordinates are loaded when a file is opened: none may be larger than what may be loaded, and what ties them to
+    the axes has to be whole."""
     with open_h5(path) as file, whole_file(path, LABELLED):
         for name, item in datasets_of(path, file).items():
+            if attribute := damaged_scales(item):
+                found = f"a damaged attribute {attribute} of {name}"
+                raise DataError(path, found, f"a whole {LABELLED}", "fetch or write it again")
             if len(item.shape or ()) == 1:
                 check_array(path, name, item.shape, item.dtype.itemsize)
 
@@ -196,7 +216,7 @@ def datasets_of(path: Path, file: h5py.File, kind: str = LABELLED) -> dict[str, 
     """Every dataset of an HDF5 file by its path.
 
     Raises:
-        DataError: damaged, or groups without end.
+        DataError: damaged, groups without end, or numbers that lie in another file.
     """
     import h5py
 
@@ -212,6 +232,10 @@ def datasets_of(path: Path, file: h5py.File, kind: str = LABELLED) -> dict[str, 
     if endless is not None:
         found = f"groups more than {_DEEPEST} deep, or more than {_MOST_DATASETS} datasets"
         raise DataError(path, found, "a file of arrays", "fetch it again, or save its cube alone")
+    with whole_file(path, kind):
+        elsewhere = lies_elsewhere(file, datasets)
+    if elsewhere:
+        raise DataError(path, f"{elsewhere} in another file", "all of it in this one", "copy the numbers into it")
     return datasets
 
 

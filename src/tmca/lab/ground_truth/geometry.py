@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tmca.attributes import NamedJson, read_json
 from tmca.data import write_json
 from tmca.errors import DataError
 from tmca.lab.ground_truth.fringes import Across
-from tmca.lab.notes import read_json
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
@@ -102,7 +102,7 @@ def load_calibration(path: str | Path) -> ProjectorCalibration:
         DataError: missing or unreadable file, a missing or impossible entry.
     """
     file = Path(path)
-    about = read_json(file, "a calibration", "see docs/ground-truth.md")
+    about = read_json(file, NamedJson, "a calibration", "see docs/ground-truth.md")
     rotation, translation = _numbers(about, "rotation", (3, 3), file), _numbers(about, "translation_m", (3,), file)
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise DataError(file, "a rotation that is no rotation", "an orthonormal matrix of determinant 1")
