@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import io
+import os
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -129,19 +131,29 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     """
     import xarray
 
-    options: dict[str, Any] = {"decode_times": False, "chunks": None}
+    source: Any = nullcontext(path)
     if path.is_dir():
         check_store(path)
-        options |= {"engine": "zarr", "consolidated": False}
+        options: dict[str, Any] = {"engine": "zarr", "consolidated": False}
     elif _is_classic(path):
-        options |= {"engine": "scipy"}
+        source, options = _Bounded(io.FileIO(path)), {"engine": "scipy", "mmap": True}
     else:
         _check_labels(path)
-        options |= {"engine": "h5netcdf", "phony_dims": "sort"}
-    with whole_file(path, LABELLED):
-        dataset = xarray.open_dataset(path, **options)
-    with dataset:
-        yield dataset
+        options = {"engine": "h5netcdf", "phony_dims": "sort"}
+    with source as opened:
+        with whole_file(path, LABELLED):
+            dataset = xarray.open_dataset(opened, decode_times=False, chunks=None, **options)
+        with dataset:
+            yield dataset
+
+
+class _Bounded(io.BufferedReader):
+    """A file of which no more is read than it holds, whatever a damaged head declares: room is made for all at once."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        """See `io.BufferedReader`."""
+        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
+        return super().read(left if size is None or size < 0 else min(size, left))
 
 
 @contextmanager

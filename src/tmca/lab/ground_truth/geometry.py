@@ -16,6 +16,7 @@ from tmca.lab.ground_truth.fringes import Across
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
+_MOST_PIXELS = 2**26
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,8 @@ def _lens(about: dict[str, Any], name: str, file: Path) -> Lens:
     if (size != np.round(size)).any():
         raise DataError(file, f"{name}.size of {size[0]:g}×{size[1]:g} pixels", "whole pixels, [height, width]")
     height, width = (int(n) for n in size)
+    if height * width > _MOST_PIXELS:
+        raise DataError(file, f"a {name} of {height}×{width} pixels", f"at most {_MOST_PIXELS}", "correct its size")
     matrix = _numbers(part, "matrix", (3, 3), file, name)
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and height > 0 and width > 0):
         raise DataError(file, f"a {name} with a focal length or size that is not positive", "pixels above 0")
