@@ -6,7 +6,7 @@ import io
 import os
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,6 +38,8 @@ _HEADERS: dict[tuple[int, int], Callable[[Any], tuple[tuple[int, ...], bool, np.
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
+_HEAD = 4096
+"""Bytes that may be asked for anywhere."""
 _DEEPEST, _MOST_DATASETS = 64, 100_000
 """Groups within groups, and datasets, of an HDF5 file that is looked into."""
 
@@ -131,29 +133,39 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     """
     import xarray
 
-    source: Any = nullcontext(path)
+    options: dict[str, Any] = {"decode_times": False, "chunks": None}
     if path.is_dir():
         check_store(path)
-        options: dict[str, Any] = {"engine": "zarr", "consolidated": False}
+        options |= {"engine": "zarr", "consolidated": False}
     elif _is_classic(path):
-        source, options = _Bounded(io.FileIO(path)), {"engine": "scipy", "mmap": True}
+        _check_head(path)
+        options |= {"engine": "scipy"}
     else:
         _check_labels(path)
-        options = {"engine": "h5netcdf", "phony_dims": "sort"}
-    with source as opened:
-        with whole_file(path, LABELLED):
-            dataset = xarray.open_dataset(opened, decode_times=False, chunks=None, **options)
-        with dataset:
-            yield dataset
+        options |= {"engine": "h5netcdf", "phony_dims": "sort"}
+    with whole_file(path, LABELLED):
+        dataset = xarray.open_dataset(path, **options)
+    with dataset:
+        yield dataset
+
+
+def _check_head(path: Path) -> None:
+    """Read the head of a classic NetCDF file once: it may ask for no more than the file holds."""
+    from scipy.io import netcdf_file
+
+    with whole_file(path, LABELLED), _Bounded(io.FileIO(path)) as file:
+        netcdf_file(file, mmap=True).close()
 
 
 class _Bounded(io.BufferedReader):
-    """A file of which no more is read than it holds, whatever a damaged head declares: room is made for all at once."""
+    """A file that refuses to be asked for more than it holds: room would be made for all of it at once."""
 
     def read(self, size: int | None = -1) -> bytes:
         """See `io.BufferedReader`."""
-        left = max(0, os.fstat(self.fileno()).st_size - self.tell())
-        return super().read(left if size is None or size < 0 else min(size, left))
+        left = os.fstat(self.fileno()).st_size - self.tell()
+        if size is not None and size > max(left, _HEAD):
+            raise EOFError(f"{size} bytes are asked for, and {left} are left")
+        return super().read(size)
 
 
 @contextmanager
