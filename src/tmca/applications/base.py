@@ -275,7 +275,8 @@ def noted_reading(notes: Mapping[str, Any], where: object = "notes") -> dict[str
     Raises:
         DataError: a damaged note.
     """
-    if READING not in notes or notes[READING] == "{}":
+    text = str(notes.get(READING, "{}"))
+    if text == "{}":
         return {}
-    noted: _Reading = json_of(str(notes[READING]), f"{where}: attribute {READING}", _Reading)
+    noted: _Reading = json_of(text, f"{where}: attribute {READING}", _Reading)
     return noted.model_dump()

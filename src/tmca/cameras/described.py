@@ -66,13 +66,13 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
     arguments = {**_arguments(spec, bench, shape), "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
     try:
         camera: Camera = kind(**arguments)
+        if isinstance(camera, CodedCamera) and camera.throughput() == 0:
+            expected = "some open pixels in aperture and shutter together"
+            raise SettingError("aperture", "none that let light through", expected)
     except TmcaError as error:
         if (named := _of_file(error, spec)) is error:
             raise
         raise named from error
-    if isinstance(camera, CodedCamera) and camera.throughput() == 0:
-        expected = "some open pixels in aperture and shutter together"
-        raise SettingError("aperture", "none that let light through", expected)
     return camera
 
 
