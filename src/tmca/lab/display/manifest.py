@@ -226,7 +226,10 @@ def placement_of(about: dict[str, Any]) -> Placement:
 
 def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:
     frames = np.stack([read_frame(folder / frame["file"]) for frame in about["frames"]])
-    levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+    try:
+        levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+    except SettingError as error:
+        raise DataError(folder, f"a placement of {error.found}", error.expected, "export again") from error
     if device.kind != "lcos":
         return _checked(levels.astype(np.float32) / device.top, about, folder)
     light = light_of(levels.astype(np.uint8), device)
