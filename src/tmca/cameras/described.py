@@ -37,6 +37,8 @@ from tmca.specs import (
 _MOST_CODES = 2**33
 """Bytes of codes that a machine may hold."""
 _PLANES = ("aperture", "shutter")
+_IN_CODES = (*_PLANES, "heights", "filters", "channels", "exposure", "energy")
+"""Arguments of cameras that files of codes may give."""
 
 
 class CodesWarning(UserWarning):
@@ -64,11 +66,13 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
     arguments = {**_arguments(spec, bench, shape), "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
     try:
         camera: Camera = kind(**arguments)
+        if isinstance(camera, CodedCamera) and camera.throughput() == 0:
+            expected = "some open pixels in aperture and shutter together"
+            raise SettingError("aperture", "none that let light through", expected)
     except TmcaError as error:
-        raise _of_file(error, spec) from error
-    if isinstance(camera, CodedCamera) and camera.throughput() == 0:
-        expected = "some open pixels in aperture and shutter together"
-        raise SettingError("aperture", "none that let light through", expected)
+        if (named := _of_file(error, spec)) is error:
+            raise
+        raise named from error
     return camera
 
 
@@ -101,7 +105,8 @@ def _arguments(spec: CameraSpec, bench: Spec | None, shape: dict[str, Any]) -> d
 
 def _of_file(error: TmcaError, spec: CameraSpec) -> TmcaError:
     """An error about what stands in a file names the field and the file that it may have come from."""
-    for name in (error.where, *(["codes", "coloured"] if error.where in _PLANES else [])):
+    files = [*["codes"][: error.where in _IN_CODES], *["coloured"][: error.where in _PLANES]]
+    for name in (error.where, *files):
         value = getattr(spec, name, None) if name.isidentifier() else None
         if isinstance(value, str | Path) and Path(value).suffix:
             return type(error)(f"{name} {value}", error.found, error.expected, error.remedy)

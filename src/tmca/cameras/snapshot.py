@@ -102,7 +102,8 @@ class Snapshot(Generic[Kind]):
             wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
             raise DataError(path, f"attribute full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
-        notes = {str(name): value for name, value in dataset.attrs.items() if name not in camera.variables().attrs}
+        stated_by_camera = camera.variables().attrs
+        notes = {str(name): value for name, value in dataset.attrs.items() if name not in stated_by_camera}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
 
     def image(self) -> np.ndarray:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.errors import DataError, SettingError
+from tmca.stored_numbers import finite_numbers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +53,7 @@ def _slotted(axes: Axes) -> Axes:
 def compact(codes: Tensor) -> np.ndarray:
     """Binary codes as bytes, grey ones as they are."""
     values = codes.numpy(force=True)
-    return values.astype(np.uint8) if np.isin(values, (0, 1)).all() else values
+    return values.astype(np.uint8) if ((values == 0) | (values == 1)).all() else values
 
 
 def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
@@ -61,17 +62,8 @@ def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
     Raises:
         DataError: one of no real numbers, or with some that are not finite in single precision.
     """
-    return {name: _tensor(dataset[name].values, where, name) for name in names}
-
-
-def _tensor(stored: np.ndarray, where: str, name: str) -> Tensor:
-    if stored.dtype.kind not in "buif":
-        raise DataError(where, f"variable {name} of type {stored.dtype}", "real numbers", REMEDY)
-    with np.errstate(over="ignore"):
-        values = torch.from_numpy(np.array(stored, dtype=np.float32))
-    if not bool(torch.isfinite(values).all()):
-        raise DataError(where, f"variable {name} with values that are not finite", "finite numbers", REMEDY)
-    return values
+    read = {name: finite_numbers(dataset[name].values, where, f"variable {name}") for name in names}
+    return {name: torch.from_numpy(values) for name, values in read.items()}
 
 
 def differing(one: xr.Dataset, other: xr.Dataset) -> list[str]:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tmca.attributes import FiniteJson, read_json
+from tmca.attributes import NamedJson, read_json
 from tmca.data import held_folder, write_json
 from tmca.data.atomic import sweep
 from tmca.data.locks import LOCK
@@ -85,7 +85,7 @@ def _delete(paths: Iterable[Path]) -> None:
 
 
 def _check_same(about: Path, described: dict[str, Any]) -> None:
-    before = _flat(read_json(about, dict[str, FiniteJson]))
+    before = _flat(read_json(about, NamedJson))
     now = _flat(described)
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):

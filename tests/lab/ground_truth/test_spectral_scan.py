@@ -370,7 +370,7 @@ def test_files_that_are_no_spectra_are_refused(tmp_path, text, said):
     (tmp_path / "r.csv").write_text(text)
     with pytest.raises(DataError, match=said):
         read_spectra(tmp_path / "r.csv")
-    with pytest.raises(DataError, match="no readable file"):
+    with pytest.raises(DataError, match="no such file"):
         read_spectra(tmp_path / "gone.csv")
 
 

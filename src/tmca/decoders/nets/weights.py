@@ -6,12 +6,12 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from warnings import warn
 
 import numpy as np
 import torch
-from pydantic import Field, Json, JsonValue, field_validator
+from pydantic import Field, Json, JsonValue
 from pydantic_core import to_json
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
@@ -19,7 +19,7 @@ from torch import Tensor
 
 import tmca
 from tmca.arguments import reason
-from tmca.attributes import Attributes, FiniteJson, attributes_of, json_of
+from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_of
 from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
@@ -27,6 +27,7 @@ from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.optics import DepthPlanes, PhaseAttributes, check_stated, restored_maps
 from tmca.priors import block_of, find_prior
+from tmca.stored_numbers import check_finite
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -297,16 +298,9 @@ class _WeightsAttributes(Attributes):
     application: str = "spectral"
     wavelengths: tuple[float, ...] = ()
     camera: dict[str, FiniteJson]
-    prior: str
+    prior: Beside | Literal[""]
+    """A file beside the weights, the prior of the rendered scenes, or none."""
     card: dict[str, JsonValue]
-
-    @field_validator("prior")
-    @classmethod
-    def _beside(cls, prior: str) -> str:
-        """The name of a file beside the weights, and no way to another folder."""
-        if prior != Path(prior).name or "\\" in prior or prior == "..":
-            raise ValueError("the name of a file beside the weights: copy it there")
-        return prior
 
 
 class _Sized(Attributes):
@@ -348,9 +342,8 @@ def _read(path: str | Path) -> tuple[Path, _WeightsAttributes, dict[str, Tensor]
     if head.get("format") not in FORMATS or "tmca" not in head:
         raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
     for name, values in tensors.items():
-        if values.is_floating_point() and not bool(torch.isfinite(values.float()).all()):
-            found = f"tensor {name} with values that are not finite"
-            raise DataError(path, found, "finite numbers", "train again, or take an unchanged copy")
+        if values.is_floating_point():
+            check_finite(values.float().numpy(), path, f"tensor {name[:60]}", "train again, or take an unchanged copy")
     return path, json_of(head["tmca"], path, _WeightsAttributes), tensors
 
 

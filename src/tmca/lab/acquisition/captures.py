@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.attributes import Attributes, Beside, NamedJson, attributes_of, read_json
 from tmca.data import atomic_path, checksum_of, held_folder, make_folder, tiff_bytes, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.frames import Frames, warn_of_copies
-from tmca.lab.notes import CAPTURES, read_json
+from tmca.lab.notes import CAPTURES
 from tmca.lab.quality import Doubtful
 
 DARK, WHOLE = "dark", "exposure"
@@ -147,20 +148,40 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
         DataError: no capture, or a frame that is missing or changed.
     """
     file = Path(folder) / CAPTURES
-    stated = read_json(file, "what `tmca capture` wrote", "capture it again")
-    try:
-        there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
-        checksums = {name: (about["sha256"], about["of"])[0] for name, about in there.items()}
-        stated["export"], stated[EXPORT], stated["taken_with"]["gain"], stated["taken_with"]["saturation"]
-    except (KeyError, TypeError, AttributeError):
-        raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
-    for name, content in checksums.items():
+    stated: dict[str, Any] = read_json(file, NamedJson, "what `tmca capture` wrote", "capture it again")
+    attributes_of(_Captures, stated, file, "entry")
+    there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
+    for name, content in ((name, about["sha256"]) for name, about in there.items()):
         frame = Path(folder) / f"{name}.tif"
         if not frame.is_file():
             raise DataError(frame, "no such file", f"the frame {name}", "run again what captured it")
         if checksum_of(frame) != content:
             raise DataError(frame, "another content", "what was captured", _AGAIN)
     return {**stated, "frames": there}
+
+
+class _Source(Attributes):
+    file: str
+
+
+class _Taken(Attributes):
+    sha256: str
+    of: str
+    source: _Source | None = None
+
+
+class _TakenWith(Attributes):
+    gain: float | None
+    saturation: float
+
+
+class _Captures(Attributes):
+    """What is read of a list of captures."""
+
+    export: str
+    export_sha256: str
+    taken_with: _TakenWith
+    frames: dict[Beside, _Taken]
 
 
 def read_tif(file: Path) -> NDArray[np.integer]:

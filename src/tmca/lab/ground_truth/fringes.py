@@ -9,15 +9,16 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.attributes import NamedJson, read_json
 from tmca.data import atomic_path, write_json
-from tmca.errors import DataError, SettingError, check_choice
+from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.lab.frames import Frames, read_frames, warn_of_copies, write_frames
 from tmca.lab.ground_truth.phase import Phases, rung_offsets
-from tmca.lab.notes import read_json
 
 MANIFEST = "fringes.json"
 _FORMAT = "tmca fringes 1"
 _LEVELS = 255
+_MOST_STEPS, _WIDEST = 1024, 2**15
 Across = Literal["x", "y"]
 
 
@@ -52,6 +53,8 @@ class FringePlan:
         check_choice("across", self.across, ("x", "y"))
         if self.steps < 3:
             raise SettingError("steps", str(self.steps), "3 or more", "three shifts are the fewest that tell a phase")
+        check_range("steps", self.steps, high=_MOST_STEPS)
+        check_range("projector", max(self.size), high=_WIDEST, unit="pixels")
         if not self.fringes or self.fringes[0] < 1 or sorted(set(self.fringes)) != list(self.fringes):
             raise SettingError("fringes", str(self.fringes), "ascending whole numbers from 1")
         if self.fringes[-1] * 4 > self.extent:
@@ -102,15 +105,15 @@ def load_plan(path: str | Path) -> FringePlan:
         SettingError: an impossible plan.
     """
     file = Path(path) / MANIFEST if Path(path).is_dir() else Path(path)
-    about = read_json(file, "a manifest of fringes", "write it with tmca scan fringes")
+    about = read_json(file, NamedJson, "a manifest of fringes", "write it with tmca scan fringes")
     if about.get("format") != _FORMAT:
         raise DataError(file, f"the format {about.get('format')!r}", repr(_FORMAT), "write it with tmca scan fringes")
     try:
         size, fringes = tuple(about["size"]), tuple(int(f) for f in about["fringes"])
         return FringePlan(size, fringes, int(about["steps"]), about["across"])
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, SettingError):
-            raise
+    except SettingError as error:
+        raise SettingError(f"{file}: {error.where}", error.found, error.expected, error.remedy) from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DataError(file, f"no usable {error}", "size, fringes, steps, across") from error
 
 

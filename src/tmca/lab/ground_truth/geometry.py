@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tmca.attributes import NamedJson, read_json
 from tmca.data import write_json
 from tmca.errors import DataError
 from tmca.lab.ground_truth.fringes import Across
-from tmca.lab.notes import read_json
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
+_MOST_PIXELS = 2**26
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def load_calibration(path: str | Path) -> ProjectorCalibration:
         DataError: missing or unreadable file, a missing or impossible entry.
     """
     file = Path(path)
-    about = read_json(file, "a calibration", "see docs/ground-truth.md")
+    about = read_json(file, NamedJson, "a calibration", "see docs/ground-truth.md")
     rotation, translation = _numbers(about, "rotation", (3, 3), file), _numbers(about, "translation_m", (3,), file)
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
         raise DataError(file, "a rotation that is no rotation", "an orthonormal matrix of determinant 1")
@@ -120,6 +121,8 @@ def _lens(about: dict[str, Any], name: str, file: Path) -> Lens:
     if (size != np.round(size)).any():
         raise DataError(file, f"{name}.size of {size[0]:g}×{size[1]:g} pixels", "whole pixels, [height, width]")
     height, width = (int(n) for n in size)
+    if height * width > _MOST_PIXELS:
+        raise DataError(file, f"a {name} of {height}×{width} pixels", f"at most {_MOST_PIXELS}", "correct its size")
     matrix = _numbers(part, "matrix", (3, 3), file, name)
     if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and height > 0 and width > 0):
         raise DataError(file, f"a {name} with a focal length or size that is not positive", "pixels above 0")
