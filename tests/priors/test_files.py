@@ -109,9 +109,3 @@ def test_what_is_no_file_of_a_prior_is_refused(tmp_path):
         file["mean"][0, 0, 0] = np.nan
     with pytest.raises(DataError):
         load_prior(path)
-
-
-def test_a_prior_that_cannot_be_written_leaves_nothing_behind(tmp_path):
-    with pytest.raises(OutputError):
-        MADE["gaussian"]().save(tmp_path / "missing" / "prior.nc")
-    assert list(tmp_path.iterdir()) == []

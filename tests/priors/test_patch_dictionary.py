@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.applications.file_pictures import picture_of
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.plots.priors import atom_mosaic
 from tmca.priors import PatchDictionary
@@ -41,16 +40,6 @@ def test_atoms_are_of_unit_norm_zero_mean_and_sorted_by_use(learned):
     assert learned.notes["coreset"] == 300
 
 
-def test_the_same_seed_gives_the_same_dictionary_and_another_another():
-    fields = [light_field(20, 20)]
-    first, again, other = (
-        PatchDictionary.learn(fields, (4, 4), views=VIEWS, atoms=8, coreset=60, rank=10, batch=30, seed=seed)
-        for seed in (0, 0, 1)
-    )
-    torch.testing.assert_close(first.atoms, again.atoms)
-    assert not torch.allclose(first.atoms, other.atoms)
-
-
 def test_the_learner_finds_the_atoms_that_made_the_patches():
     generator = np.random.default_rng(0)
     true = generator.standard_normal((12, 9 * 16))
@@ -65,13 +54,6 @@ def test_the_learner_finds_the_atoms_that_made_the_patches():
     alike = (found.atoms.flatten(1) @ torch.from_numpy(true).mT).abs().amax(0)
     assert alike.min() > 0.98
     assert found.residual < 0.1 * 2 / 144
-
-
-def test_the_variance_of_a_patch_is_numpys():
-    cube = light_field().double()
-    found = patch_variance(cube, (4, 5))
-    assert found.shape == (27, 29)
-    np.testing.assert_allclose(found[3, 20], cube[:, 3:7, 20:25].numpy().var(), atol=1e-12)
 
 
 def test_places_are_drawn_once_each_and_as_often_as_their_weight_says():
@@ -108,12 +90,6 @@ def test_an_atom_is_drawn_as_its_views_side_by_side():
     assert np.array_equal(mosaic[3:, 3:5], atom[4])
     assert np.isnan(mosaic[2]).all()
     assert np.isnan(mosaic[:, 2]).all()
-
-
-def test_a_picture_of_the_file_shows_the_atoms(learned, tmp_path):
-    path = learned.save(tmp_path / "atoms.nc")
-    assert picture_of(path, tmp_path / "atoms.png").stat().st_size > 5000
-    assert len(learned.figure(atoms=10).axes) == 11
 
 
 def test_progress_is_told_to_the_end():
