@@ -190,3 +190,15 @@ def test_a_snapshot_file_without_a_part_is_refused(tmp_path, missing):
 
 def test_one_hot_slots_have_a_pixel_each():
     assert bool((camera(shutter="one-hot", slots=4, period=2).shutter().sum((1, 2)) > 0).all())
+
+
+def test_the_snapshot_is_the_sum_of_equivalent_psfs():
+    made = camera()
+    cube, depth = scene_of(made, 1)
+    planes = made.planes.nearest(depth)[0, 0]
+    frame = torch.zeros(3, 13 + 8, 16 + 10)
+    for i in range(13):
+        for j in range(16):
+            spread = made.equivalent_psf((i, j), int(planes[i, j]))
+            frame[:, i : i + 9, j : j + 11] += (spread * cube[0, :, i, j, None, None]).sum(1)
+    torch.testing.assert_close(made(cube, depth)[0], frame[:, 4:-4, 5:-5], atol=1e-5, rtol=1e-5)

@@ -104,3 +104,28 @@ def test_a_mask_too_small_for_the_shear_is_refused():
     shear = ViewShear((5, 5))
     with pytest.raises(ShapeError):
         mask_code(torch.ones(2, 8, 6), torch.ones(2, 8, 6), shear)
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+@pytest.mark.parametrize("name", SHEARS)
+def test_forward_adjoint_and_pseudo_inverse_are_those_of_the_matrix(name, dtype):
+    shear, size = SHEARS[name], (4, 5)
+    operator = coded_mask(*planes(shear, size, 2, dtype), shear, torch.rand(shear.views, dtype=dtype) + 0.5)
+    matrix = sparse_matrix(operator).toarray()
+    views = shear.views[0] * shear.views[1]
+    scene = torch.rand(2, views, *size, dtype=dtype)
+    snapshot = torch.rand(2, 1, *size, dtype=dtype)
+    tolerance = {"atol": 1e-5 if dtype == torch.float32 else 1e-12}
+    np.testing.assert_allclose(operator.A(scene).flatten(1), scene.flatten(1).numpy() @ matrix.T, **tolerance)
+    np.testing.assert_allclose(
+        operator.A_adjoint(snapshot).flatten(1), snapshot.flatten(1).numpy() @ matrix, **tolerance
+    )
+    least = snapshot.flatten(1).double().numpy() @ np.linalg.pinv(matrix.astype(float)).T
+    np.testing.assert_allclose(operator.A_dagger(snapshot).flatten(1), least, **tolerance)
+
+
+@pytest.mark.parametrize("name", SHEARS)
+def test_every_sensor_pixel_sees_only_its_own_place(name):
+    matrix = sparse_matrix(coded_mask(*planes(SHEARS[name], (3, 4), 4), SHEARS[name])).toarray()
+    gram = matrix @ matrix.T
+    assert np.abs(gram - np.diag(np.diag(gram))).max() == 0

@@ -207,3 +207,13 @@ def test_what_does_not_fit_is_refused(call, error, where):
     with pytest.raises(error) as caught:
         call()
     assert caught.value.where == where
+
+
+@pytest.mark.parametrize("slots", [1, 3, 8])
+def test_the_code_takes_the_levels_j_over_k(slots):
+    near, wide = planes(slots, (20, 21), 3)
+    levels = (single_disperser(near, wide, Dispersion.linear(4)).taps.code * slots).unique()
+    assert torch.allclose(levels, levels.round())
+    assert levels.min() >= 0
+    assert levels.max() <= slots
+    assert len(levels) > min(slots, 3)

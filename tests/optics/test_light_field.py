@@ -85,3 +85,11 @@ def test_what_is_impossible_names_the_argument_at_fault(made, where):
     with pytest.raises(SettingError) as caught:
         made()
     assert caught.value.where == where
+
+
+def test_the_drift_of_a_mask_of_the_sensors_pitch_is_what_demagnification_leaves():
+    bench = MaskGeometry.for_shear(1.0, views=5, **BENCH)
+    shear = bench.shear(mask_pitch=bench.pixel_pitch)
+    edge = 240
+    crossing = edge * bench.pixel_pitch * (1 - bench.s) / bench.pixel_pitch
+    assert shear.drift((2 * edge + 1, 1))[0] == pytest.approx(crossing - edge)
