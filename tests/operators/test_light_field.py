@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tmca.errors import ShapeError
-from tmca.operators import code_through_mask, coded_mask, mask_code
+from tmca.operators import code_through_mask, coded_mask, mask_code, sparse_matrix
 from tmca.optics import ViewShear, view_coordinates
 
 SHEARS = {
