@@ -108,24 +108,3 @@ def test_readings_that_fit_nothing_are_refused(place, capsys, options, words):
     ):
         assert words in refused(capsys, *command, lines=None)
     assert not (place / "p.nc").exists()
-
-
-def test_what_only_files_have_is_refused_for_a_rendered_scene(place, capsys):
-    for option in (NAMES, ["--lens", "3x3"], ["--scale", "2"]):
-        assert f"{option[0]}: found" in refused(capsys, "simulate", "light-field", "coffee", *option)
-
-
-def test_scales_of_a_sweep_are_told_apart(place, capsys):
-    assert "--scale: found 2" in refused(capsys, *SWEEP, "plain", "--scale", "2")
-    assert "--test-scale: found 2" in refused(capsys, *SWEEP, "coffee", "--test-scale", "2")
-
-
-def test_a_comparison_refuses_what_it_cannot_read_before_it_learns(place, capsys):
-    for name, scene in (("train", "odd"), ("test", "plain")):
-        (place / f"{name}.txt").write_text(f"{scene}\n")
-    command = ["compare", "light-field", "--train", "train.txt", "--test", "test.txt", "--views", "3", "--out", "o"]
-    assert "--pattern" in refused(capsys, *command, "--frame", "96x96")
-    assert "applies to none" in refused(capsys, *command, "--frame", "96x96", *NAMES, "--lens", "3x3")
-    line = refused(capsys, *command, "--frame", "96x96", *NAMES)
-    assert "--frame: found 96×96, expected at most the 48×56 pixels of" in line
-    assert not (place / "o").exists()
