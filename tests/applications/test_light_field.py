@@ -8,12 +8,11 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.applications import evaluate, simulate
-from tmca.applications.imaging import evaluation_of
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
-from tmca.data.light_field_scenes import load_light_field, true_disparity
+from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, decode
-from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, learn_prior
+from tmca.priors import GaussianMixturePrior, PatchDictionary, learn_prior
 
 SCENE = {"views": 3, "size": (24, 30)}
 
@@ -59,23 +58,6 @@ def test_colours_are_snapshots_of_their_own(prior):
     np.testing.assert_allclose(together.values[1], alone.values, atol=1e-5)
 
 
-def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    scene = ["coffee", "--views", "3", "--crop", "24x30", "--colour", "--no-figures"]
-    main(["simulate", "light-field", *scene, "--slots", "2", "--period", "6", "--out", "s.nc"])
-    capsys.readouterr()
-    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
-    found = json.loads(capsys.readouterr().out)["metrics"]
-    drawn = {}
-    monkeypatch.setattr("tmca.plots.light_field.light_field_figure", lambda e, t, s: drawn.update(e, truth=t))
-    beside = evaluation_of("e.nc", "coffee")
-    beside.figure("e")
-    again = beside.metrics
-    assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
-    assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
-    assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)
-
-
 def test_the_estimate_explains_more_than_the_least_norm_one(prior):
     truth = load_light_field("coffee", **SCENE)
     taken = simulate(truth, LightFieldCamera(3, (24, 30), 4, shutter="one-hot", period=6))
@@ -94,12 +76,6 @@ def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
     main(["reconstruct", "s.nc", "--dictionary", "d.nc", "--truth", "coffee", "--no-figures", "--json"])
     assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
-
-
-@pytest.mark.slow
-def test_a_prior_is_learned_from_the_command_line(tmp_path, capsys):
-    main(["prior", "learn-views", "rocket", "--views", "3", "--out", str(tmp_path / "p.nc")])
-    assert not GaussianPrior.load(tmp_path / "p.nc").mirrored
 
 
 @pytest.mark.slow
@@ -136,11 +112,6 @@ def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     )
 
 
-def test_true_disparity_comes_with_rendered_light_fields():
-    field = load_light_field("coffee:1", **SCENE)
-    assert true_disparity("coffee:1", field).shape == (24, 30)
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -159,14 +130,3 @@ def test_bad_input_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert words in refused(capsys, *arguments)
     assert not [file for file in tmp_path.iterdir() if file.name != "r"]
-
-
-def test_a_spectral_decoder_is_refused_a_light_field(prior, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
-    capsys.readouterr()
-    assert "--decoder: found 'lmmse-adapted'" in refused(capsys, "reconstruct", "s.nc", "-d", "lmmse-adapted")
-    assert "learn-views … --dictionary --out …" in refused(capsys, "reconstruct", "s.nc", "-d", "dictionary")
-    assert "--wavelengths" in refused(capsys, "reconstruct", "s.nc", "--truth", "coffee", "--wavelengths", "400:700:3")
-    five = GaussianPrior.load(prior)
-    assert five.block[0] == 9

@@ -81,14 +81,6 @@ def test_a_dual_variable_of_one_atom_peaks_there(kind):
         assert len(Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.9999 * energy)[0]) == 1
 
 
-def test_block_messages_peak_at_the_delay_of_their_one_path():
-    source = Source("known", noise(np.random.default_rng(4), 4, 9, 1), range(4))
-    atoms = Atoms(source, (1, 4, 9))
-    q = atoms.signals(np.array([[0.4321]]), noise(np.random.default_rng(5), 4))[0]
-    points, _ = Polynomial(atoms, q).peaks(0.0)
-    np.testing.assert_allclose(points[0], 0.4321, atol=1e-9)
-
-
 def test_peaks_are_all_the_maxima_above_the_level():
     one, square, _ = next(random_ones("one pulse"))
     x = np.arange(1000) / 1000
