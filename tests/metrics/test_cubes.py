@@ -200,3 +200,9 @@ CUBE, EVERY = np.ones((1, 32, 32)), (psnr, ssim, uiqi, sam, ergas, dd)
 def test_what_has_no_figure_is_refused(call, error):
     with pytest.raises(error):
         call()
+
+
+def test_psnr_of_a_uniform_error_is_known():
+    truth = np.zeros((2, 3, 4))
+    assert psnr(truth + 0.1, truth) == pytest.approx(20.0)
+    assert psnr(truth + 25.5, truth, data_range=255) == pytest.approx(20.0)
