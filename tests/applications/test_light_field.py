@@ -12,7 +12,7 @@ from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, decode
-from tmca.priors import GaussianMixturePrior, PatchDictionary, learn_prior
+from tmca.priors import GaussianMixturePrior, learn_prior
 
 SCENE = {"views": 3, "size": (24, 30)}
 
@@ -68,32 +68,6 @@ def test_the_estimate_explains_more_than_the_least_norm_one(prior):
 
 
 @pytest.mark.slow
-def test_a_dictionary_is_learned_and_decodes(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    main(["prior", "learn-views", "rocket", "--views", "3", "--dictionary", "--atoms", "64", "--out", "d.nc"])
-    assert "dictionary of patches 9 × 11 × 11" in capsys.readouterr().out
-    assert PatchDictionary.load("d.nc").atoms.shape[0] == 64
-    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
-    main(["reconstruct", "s.nc", "--dictionary", "d.nc", "--truth", "coffee", "--no-figures", "--json"])
-    assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
-
-
-@pytest.mark.slow
-def test_a_mixture_is_learned_and_decodes(prior, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(GaussianMixturePrior.settings_of_views, "samples", 2000)
-    main(["prior", "learn-views", "rocket", "--views", "3", "--mixture", "--out", "m.nc", "--figure", "m.png"])
-    assert "Gaussian mixture of blocks 9 ×" in capsys.readouterr().out
-    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
-    main(["reconstruct", "s.nc", "-d", "mixture", "--prior", "m.nc", "--truth", "coffee", "--no-figures", "--json"])
-    assert json.loads(capsys.readouterr().out.split("\n", 2)[2])["metrics"]["psnr"] > 10
-    both = ["prior", "learn-views", "rocket", "--mixture", "--dictionary", "--out", "b.nc"]
-    assert "one of them" in refused(capsys, *both)
-    wrong = ["reconstruct", "s.nc", "-d", "mixture", "--prior", str(prior), "--out", "other.nc"]
-    assert "Gaussian-mixture prior" in refused(capsys, *wrong)
-
-
-@pytest.mark.slow
 def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     camera = "camera={views: 3, size: [24, 24], slots: 2, period: 6, learn: both}"
@@ -130,3 +104,22 @@ def test_bad_input_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert words in refused(capsys, *arguments)
     assert not [file for file in tmp_path.iterdir() if file.name != "r"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("learn", "called", "decode"),
+    [
+        (["--dictionary", "--atoms", "64"], "dictionary of patches 9 × 11 × 11", ["--dictionary", "p.nc"]),
+        (["--mixture", "--figure", "m.png"], "Gaussian mixture of blocks 9 ×", ["-d", "mixture", "--prior", "p.nc"]),
+    ],
+)
+def test_a_prior_of_views_is_learned_and_decodes(learn, called, decode, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(GaussianMixturePrior.settings_of_views, "samples", 2000)
+    main(["prior", "learn-views", "rocket", "--views", "3", *learn, "--out", "p.nc"])
+    assert called in capsys.readouterr().out
+    main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
+    capsys.readouterr()
+    main(["reconstruct", "s.nc", *decode, "--truth", "coffee", "--no-figures", "--json"])
+    assert json.loads(capsys.readouterr().out)["metrics"]["psnr"] > 10

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from tests.cli.refusals import refused
@@ -56,21 +55,6 @@ def test_a_sweep_reads_any_naming_and_keeps_readings_apart(place, capsys):
     assert abs(upside - known) > 1e-3
     assert len(list((place / "runs" / "sweep-light-field").glob("*.json"))) == cells + 1
     assert np.isfinite(psnr(capsys, "lens.png", "odd", *NAMES, "--lens", "3x3"))
-
-
-def test_codes_are_designed_for_any_naming(place, monkeypatch):
-    learned = []
-
-    def design_codes(sheet, out, learn, *rest, **how):
-        learned.append(learn(lambda share, step: None))
-        raise SystemExit
-
-    monkeypatch.setattr("tmca.reports.cameras.search_codes", design_codes)
-    for scenes in (["odd", "lens.png", *NAMES, "--lens", "3x3"], ["plain", "lens.png", "--lens", "3x3"]):
-        with pytest.raises(SystemExit):
-            main(["design", "light-field", *scenes, *DESIGN])
-    own, known = learned[0].examples.scenes["odd"], learned[1].examples.scenes["plain"]
-    torch.testing.assert_close(own.covariance, known.covariance)
 
 
 def test_a_run_is_trained_on_any_naming_and_not_resumed_with_another(place, capsys):

@@ -9,10 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError
-from tmca.evaluation.pages.light_field import in_pairs
-from tmca.evaluation.pages.view_margins import is_static
-from tmca.evaluation.study import read_study
-from tmca.plots.codes import sub_images, sub_images_figure
+from tmca.plots.codes import sub_images_figure
 from tmca.plots.light_field import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.views import (
     border_walk,
@@ -84,14 +81,6 @@ def test_refocusing_on_a_dot_brings_it_together():
     np.testing.assert_allclose(refocus(coloured, 0.3), np.multiply.outer([1, 2, 3], refocus(field, 0.3)), rtol=1e-5)
 
 
-def test_each_sub_image_holds_the_angles_of_one_point():
-    code = np.random.default_rng(1).random((3, 5, 4, 6))
-    sheet = sub_images(code)
-    assert sheet.shape == (4 * 4 - 1, 6 * 6 - 1)
-    np.testing.assert_array_equal(sheet[2 * 4 : 2 * 4 + 3, 3 * 6 : 3 * 6 + 5], code[:, :, 2, 3])
-    assert np.isnan(sheet[3]).all()
-
-
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 5), (3, 1), (3, 3), (5, 9)])
 def test_the_walk_is_closed_and_goes_by_single_steps(rows, columns):
     walk = border_walk(rows, columns)
@@ -152,19 +141,6 @@ def test_the_slices_of_the_enlarged_part_are_those_of_its_marked_row_and_column(
     np.testing.assert_array_equal(part, field[1, 2][window])
     np.testing.assert_array_equal(below, field[1, :, row, window[1]])
     np.testing.assert_array_equal(beside, field[:, 2, window[0], column].T)
-
-
-def test_pictures_show_static_codes_beside_their_multiplexed_partners():
-    shown = read_study("light-field").shown
-    rows = in_pairs(shown)
-    assert set(rows) == set(shown)
-    for static, multiplexed in zip(rows[::2], rows[1::2], strict=True):
-        assert is_static(static[0])
-        assert not is_static(multiplexed[0])
-        assert static[1] == multiplexed[1]
-    assert rows[0] not in in_pairs(rows[1:])
-    assert rows[1] not in in_pairs(rows[:1] + rows[2:])
-    assert in_pairs(rows[1:2]) == rows[1:2]
 
 
 def test_all_errors_of_disparity_share_a_scale_that_the_bar_explains():

@@ -5,9 +5,7 @@ import pytest
 import torch
 
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.plots.priors import atom_mosaic
 from tmca.priors import PatchDictionary
-from tmca.priors.dictionary import patch_variance, sample_places, textured_sample
 
 VIEWS = (3, 3)
 
@@ -56,21 +54,6 @@ def test_the_learner_finds_the_atoms_that_made_the_patches():
     assert found.residual < 0.1 * 2 / 144
 
 
-def test_places_are_drawn_once_each_and_as_often_as_their_weight_says():
-    maps = [torch.tensor([[1.0, 3.0]]), torch.tensor([[4.0], [0.0]])]
-    draws = [sample_places(maps, 1, torch.Generator().manual_seed(seed))[0] for seed in range(2000)]
-    shares = [draws.count(place) / 2000 for place in ((0, 0, 0), (0, 0, 1), (1, 0, 0), (1, 1, 0))]
-    np.testing.assert_allclose(shares, [0.125, 0.375, 0.5, 0], atol=0.04)
-    assert len(set(sample_places(maps, 4, torch.Generator().manual_seed(0)))) == 4
-
-
-def test_a_coreset_has_more_texture_than_the_scene_but_flat_ground_too():
-    cube = light_field().double()
-    found = textured_sample([cube], (4, 5), 200, 0).flatten(1).var(1)
-    assert found.mean() > 1.3 * patch_variance(cube, (4, 5)).mean()
-    assert (found < 1e-9).any()
-
-
 def test_samples_use_atoms_as_much_as_the_examples_did(learned):
     blocks = learned.sample(20000, seed=0)
     assert blocks.shape == (20000, *learned.block)
@@ -81,15 +64,6 @@ def test_samples_use_atoms_as_much_as_the_examples_did(learned):
     expected = 2 * atoms.mT @ torch.diag(learned.scales.square()) @ atoms
     away = blocks.flatten(1) - means[:, None]
     assert float((torch.cov(away.mT) - expected).norm() / expected.norm()) < 0.1
-
-
-def test_an_atom_is_drawn_as_its_views_side_by_side():
-    atom = np.arange(6 * 4.0).reshape(6, 2, 2)
-    mosaic = atom_mosaic(atom, (2, 3))
-    assert mosaic.shape == (5, 8)
-    assert np.array_equal(mosaic[3:, 3:5], atom[4])
-    assert np.isnan(mosaic[2]).all()
-    assert np.isnan(mosaic[:, 2]).all()
 
 
 def test_progress_is_told_to_the_end():

@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import rankdata
 
 from studies.codes import ranking as ranks
-from studies.codes.ablation import INGREDIENTS
 from studies.codes.figures import study_figures
 from studies.codes.records import Cell
 from studies.codes.searches import task_of
@@ -88,24 +86,6 @@ def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
     assert line.miss == pytest.approx(line.gain - gain, abs=1e-6)
 
 
-def test_what_light_foretold_is_what_codes_for_the_light_are_held_to():
-    def told(gain, predicted):
-        return {"psnr": 30 + gain, "expected_psnr": 0.0, "predicted_gain": predicted, "throughput": 0.1}
-
-    lit = {"static, designed for the light": told(0, 0), "free, designed for the light": told(2.0, 3.0)}
-    there = {"static, designed": 0, "free, designed": 2.5, "static, designed for the light": 0}
-    cell = {"noise": "σ = 0.01", "scene": "coffee", "seed": 0}
-    tested = {**cell, "metrics": {"static, designed": told(0, 0), "free, designed": told(1.0, 4.0)}}
-    light = {**cell, "metrics": lit, "plain_prior": lit, "there": {**there, "free, designed for the light": 2.8}}
-    rows = scene_rows([tested], [light])
-    misses = {(row.codes, row.prior): row.miss for row in rows.itertuples()}
-    assert misses == {
-        ("free, designed", "as learned"): pytest.approx(1.0 - 2.5),
-        ("free, designed for the light", "as learned"): pytest.approx(2.0 - 3.0),
-        ("free, designed for the light", "dimmed"): pytest.approx(2.0 - 3.0),
-    }
-
-
 def _stored_cell(folder, kind, **named):
     """A finished cell of a kind and its rows."""
     for file in sorted((folder / "work").glob("*.json")):
@@ -114,17 +94,6 @@ def _stored_cell(folder, kind, **named):
             rows, _ = stored.pop("rows"), stored.pop("digest")
             return Cell.of(stored), rows
     raise AssertionError(kind)
-
-
-@pytest.mark.slow
-def test_the_order_of_codes_is_checked(found):
-    assert len(ranks.RANKED) >= 20
-    assert {row["codes"] for row in found["ranking"]} == set(ranks.RANKED)
-    for entry in found["rank_correlation"]:
-        own = [row for row in found["ranking"] if row["noise"] == entry["noise"]]
-        means = [np.mean(list(row["lmmse"].values())) for row in own]
-        first, second = (rankdata(v) for v in ([row["expected"] for row in own], means))
-        assert entry["rank_correlation"] == pytest.approx(np.corrcoef(first, second)[0, 1])
 
 
 @pytest.mark.slow
@@ -158,16 +127,6 @@ def test_impossible_studies_are_refused(tmp_path):
         with pytest.raises(SettingError, match=words):
             study_codes(SCENES, [], tmp_path, tmp_path / "work", **{**SMALL, **changes})
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_ingredients_are_compared_with_the_static_design(found):
-    assert [cell["noise"] for cell in found["ablation"]] == list(CORNERS)
-    for cell in found["ablation"]:
-        gains = {row["ingredient"]: row["gain"] for row in cell["rows"]}
-        assert set(gains) == set(INGREDIENTS)
-        assert gains["static, designed"] == 0
-        assert gains["free, designed"] >= max(0, gains["one-hot shutter, designed"]) - 1e-4
 
 
 def _small_cell(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from studies.dbd import draws as module
 from studies.dbd.claims import shared_gram
-from studies.dbd.draws import Row, Study, beyond, run_study
+from studies.dbd.draws import Row, Study, run_study
 from studies.dbd.report import Page, write_report
 from tmca.errors import SettingError
 
@@ -115,17 +115,3 @@ def test_noise_alone_is_never_exact_whatever_the_solver_is_told(tmp_path, told, 
 def test_what_no_draw_can_be_made_of_is_said_before_the_work(axes, told):
     with pytest.raises(SettingError, match=told):
         Study(axes, {}, 1)
-
-
-@pytest.mark.parametrize(
-    ("cell", "is_beyond"),
-    [
-        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, True),  # 9 + 45 > 45
-        ({"M": 12, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block"}, False),  # 9 + 45 ≤ 60
-        ({"M": 13, "P": 3, "J": 2, "L": 1, "Q": 4, "symbol_ratio": 0.5}, True),  # 2 + 4 · 12 > 39
-        ({"M": 9, "P": 9, "J": 2, "L": 1, "Q": 6, "symbol_ratio": 3.0, "separation": 0.1}, False),  # 2 + 6 · 6 ≤ 81
-        ({"M": 9, "P": 5, "J": 3, "L": 3, "Q": 3, "messages": "block", "antennas": 2}, False),  # 54 ≤ 90
-    ],
-)
-def test_what_is_beyond_the_degrees_of_freedom_is_counted_by_the_message(cell, is_beyond):
-    assert beyond(cell) == is_beyond
