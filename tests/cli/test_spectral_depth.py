@@ -18,13 +18,17 @@ from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
 
 WAVES = (480e-9, 620e-9)
+QUICK = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+
+
+def chelsea():
+    """A rendered cube at the bands of the quick preset."""
+    return rendered_scene("chelsea", wavelengths=QUICK, size=(60, 70))[["radiance"]]
 
 
 @pytest.fixture(scope="module")
 def prior(tmp_path_factory):
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))["radiance"].values
-    learned = GaussianPrior.learn([torch.from_numpy(cube)], (42, 42), wavelengths=waves)
+    learned = GaussianPrior.learn([torch.from_numpy(chelsea()["radiance"].values)], (42, 42), wavelengths=QUICK)
     return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
 
 
@@ -92,9 +96,7 @@ def test_options_describe_the_camera(capsys):
 
 
 def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]]
-    write_dataset(cube, tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     take = ("simulate", "spectral-depth", "cube.nc", "--crop", "40x40")
     assert "depth" in refused(capsys, *take)
     assert "slanted" in refused(capsys, *take, "--placed", "upside-down")
@@ -114,8 +116,7 @@ def test_a_file_of_codes_names_the_option_beside_it(capsys):
 def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     simulate("--no-figures")
     main(["simulate", "spectral", "coffee", "--crop", "32x32", "--no-figures"])
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
     assert "8 × 42 × 42" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
@@ -129,8 +130,7 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
 def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_path):
     own = ("--period", "16", "--channels", "monochrome", "--planes", "2", "--psf-window", "11", "--no-figures")
     main(["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "32x32", *own])
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc")
     assert "8 × 26 × 26" in said(capsys, *learn)
     decode = ("reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures", "--out")
