@@ -10,6 +10,7 @@ from tmca.data import load_light_field, load_scene, load_spectral_depth, read_sc
 from tmca.data.depth_scenes import check_depth_scene
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import scene_kind
+from tmca.errors import SettingError
 
 
 def test_a_scene_named_by_its_stem_is_known_by_all_of_its_files(tmp_path):
@@ -72,3 +73,10 @@ def test_a_rendered_scene_is_read_for_the_camera_that_is_named():
     assert read_scene("coffee", "light-field", views=3, size=(16, 20)).dims == ("view_v", "view_u", "y", "x")
     scene = read_scene("coffee", "spectral-depth", reduce=20, near=0.5, far=2.0)
     assert 0.5 <= scene["depth"].min() < 0.6 < 1.5 < scene["depth"].max() <= 2.0
+
+
+def test_a_cube_is_placed_only_in_a_range_of_depths(tmp_path):
+    write_dataset(load_scene("coffee", size=(16, 20)).to_dataset(name="radiance"), tmp_path / "cube.nc")
+    with pytest.raises(SettingError) as caught:
+        load_spectral_depth(str(tmp_path / "cube.nc"), placed="plane")
+    assert caught.value.where == "near"

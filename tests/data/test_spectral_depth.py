@@ -23,7 +23,7 @@ from tmca.data import (
     write_dataset,
 )
 from tmca.data.rendering import measured
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError, TmcaError
 
 FIVE_NM = np.arange(400, 701, 5) * 1e-9
 
@@ -266,10 +266,10 @@ def test_impossible_pictures_and_settings_are_refused(settings, error, where):
     ("settings", "where"),
     [
         *((ends, "near, far") for ends in ({"near": 0}, {"far": 0.3}, {"far": np.inf})),
-        ({"seed": 1.5}, "seed"), ({"kind": "wavy"}, "kind"),
+        ({"seed": 1.5}, "seed"), ({"kind": "wavy"}, "kind"), ({"cube": xr.DataArray(np.ones((3, 4)))}, "cube"),
     ],
 )  # fmt: skip
 def test_impossible_placings_are_refused(cube, settings, where):
-    with pytest.raises(SettingError) as caught:
+    with pytest.raises(TmcaError) as caught:
         place_cube(**{"cube": cube, "near": 0.4, "far": 2.0, "seed": 0, "kind": "plane", **settings})
     assert caught.value.where == where
