@@ -106,7 +106,8 @@ def test_scenes_of_other_bands_or_too_small_are_refused(capsys, tmp_path):
 def test_codes_that_are_none_are_refused(capsys):
     take = ("simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--codes", "c.nc")
     about = dict.fromkeys(("bench", "depth", "filters", "channels", "exposure", "energy"), "{}")
+    parts = {"heights": (("slot", "a", "b"), np.zeros((2, 4, 4))), "cells": (("y", "x"), np.zeros((2, 2)))}
+    parts["shutter"] = (("slot_", "y", "x"), np.ones((3, 2, 2)))
     for attrs, words in (({}, "no attribute bench"), (about, "no attribute depth.near")):
-        parts = {"heights": (("slot", "a", "b"), np.zeros((2, 4, 4))), "cells": (("y", "x"), np.zeros((2, 2)))}
         write_dataset(xr.Dataset(parts, attrs=attrs), "c.nc", overwrite=True)
         assert words in refused(capsys, *take)

@@ -94,8 +94,8 @@ def test_an_unknown_naming_or_lens_grid_is_read_everywhere(tmp_path, capsys, sce
     write_views(tmp_path / "odd", lambda v, u: f"r{v}c{u}end.png")
     Image.fromarray(smooth_views()[..., 0].transpose(2, 0, 3, 1).reshape(144, 168)).save("lens.png")
     reading = ["--pattern", "r{row}c{column}end.png"] if scene == "odd" else ["--lens", "3x3"]
-    for command in (["inspect", scene], ["simulate", "light-field", scene]):
-        assert "--pattern" in refused(capsys, *command) or scene != "odd"
+    assert scene != "odd" or "--pattern" in refused(capsys, "inspect", "odd")
+    assert scene != "odd" or "--pattern" in refused(capsys, "simulate", "light-field", "odd")
     about, _ = said(capsys, "inspect", scene, *reading, "--figure", "scene.png")
     assert about["light_field"]["views"] == [3, 3]
     assert (tmp_path / "scene.png").exists()
