@@ -61,7 +61,8 @@ def test_what_is_received_comes_back_in_metres():
         ("prefix_s", {"prefix_s": -1e-6}),
         ("pulses", {"pulses": 3.5}),
         ("seed", {"seed": -1}),
-        *((name, {name: many}) for name, many in {"bandwidth_hz": 1e15, "pulses": 10**9, "antennas": 10**8}.items()),
+        ("bandwidth_hz times useful_s", {"bandwidth_hz": 1e15}),
+        *(("samples of the bases", {name: many}) for name, many in {"pulses": 10**9, "antennas": 10**8}.items()),
         ("snr_db", {"snr_db": float("nan")}),
         ("targets", {"targets": [Target(600.0, 0.0)]}),  # an echo that outlasts the interval
         ("paths", {"paths": [Path(1000.0, 0.0)]}),  # later than the prefix
