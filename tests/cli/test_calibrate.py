@@ -274,6 +274,7 @@ def test_frames_of_other_steps_are_doubted(capsys, bench):
     [
         (("timing", "--device", "laser"), "simulated"), (("registration", "--wavelength", "green"), "nanometres"),
         (("psf",), "dark, flat, white, linearity, registration, timing, dispersion"),
+        (("dispersion", "--wavelength", "501"), "a band of the camera"),
         (("dark", "--frames", "1"), "2 or more"), (("dark", "--set", "port=3"), "options of its own"),
         (("dark", "--device", "folder", "--set", "path=shown"), "--device: found folder"),
     ],

@@ -161,3 +161,9 @@ def test_dimmed_scenes_see_more_noise(capsys):
     fall = dim["static"]["expected_psnr"] - bright["static"]["expected_psnr"]
     assert fall < -20 * np.log10(dim["light"] / bright["light"]) - 1
     assert "--light: found 0.9" in refused(capsys, *SMALL, "--light", "0.9", "--out", "d")
+
+
+@pytest.mark.parametrize("text", ["full_wel: 3", "full_well: many", "- 3"])
+def test_a_sheet_that_cannot_be_read_is_one_line(capsys, text):
+    Path("s.yaml").write_text(text)
+    assert "s.yaml" in refused(capsys, *SMALL, "--sensor", "s.yaml", "--out", "d")

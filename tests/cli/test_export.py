@@ -153,3 +153,11 @@ def test_the_folder_of_a_design_stands_for_its_codes(tmp_path):
     write_codes("design/codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
     main(["export", "design", "--device", "dli4120", "--no-figures", "--out", "ex"])
     assert json.loads((tmp_path / "ex" / "manifest.json").read_text())["slots"] == 2
+
+
+def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
+    from tmca.codes import write_codes
+
+    write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
+    main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")

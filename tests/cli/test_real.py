@@ -153,11 +153,13 @@ def test_impossible_movies_are_refused(capsys, wine, tmp_path, options, words):
         *((f"real register FOLDER/wine.mat --prototype FOLDER/wine.yaml --name w --shift={shift}", "shift: found")
           for shift in ("-300,400", "12,0", "-3.4,nan", "1.5,2", "inf,0")),
         ("real register FOLDER/capture.mat --prototype FOLDER/bench.yaml --mask small.mat", "expected 60×56 pixels"),
+        ("real register nan.mat --prototype FOLDER/wine.yaml --name w --shift=0,0", "expected a finite picture"),
         ("import FOLDER/capture.mat --prototype lens --out s.nc", "tsa, or a YAML file"),
         ("import FOLDER/capture.mat --prototype FOLDER/bench.yaml --out s.nc", "--mask: found none"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_registered_or_imported_is_refused(capsys, folder, tmp_path, command, words):
     write_mat(tmp_path / "small.mat", mask=mask_of(60, 50))
+    write_mat(tmp_path / "nan.mat", a=np.full((12, 13), np.nan), s=np.ones((12, 13, 4), np.uint8))
     assert words in refused(capsys, *command.replace("FOLDER", str(folder)).split())
     assert not (tmp_path / "s.nc").exists()

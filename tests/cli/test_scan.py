@@ -76,27 +76,32 @@ SPECTRA = ("spectra", "table/scene", *LIGHT, "--out", "s.nc")
 COMPARE = ("compare", "table/truth.nc", "--references", "table/references.csv", "--points")
 
 
+def without(name):
+    return lambda table: (table / name).unlink()
+
+
 @pytest.mark.parametrize(
-    ("gone", "arguments", "words"),
+    ("spoil", "arguments", "words"),
     [
         (None, (*DEPTH, "--figure", "d.xyz"), "found the suffix '.xyz'"),
         (None, (*DEPTH, "--neighbours", "12"), "0 to 8"),
         (None, (*DEPTH, "--far", "0.5"), "out of range"),
         (None, (*DEPTH, "--saturation", "3000"), "% of the pixels saturated"),
-        ("captures/fringe_0016_01.png", DEPTH, "found no fringe_0016_01"),
+        (without("captures/fringe_0016_01.png"), DEPTH, "found no fringe_0016_01"),
+        (lambda table: (table / "calibration.json").write_text("{}"), DEPTH, "found no numbers for rotation"),
         (None, (*SPECTRA, "--wavelengths", "400:700:16"), "expected the 16 wavelengths asked for"),
         (None, (*SPECTRA, "--white-reflectance", "bright"), "a number or a file of its spectrum"),
         (None, (*SPECTRA, "--saturation", "3000"), "saturated in"),
         (None, (*SPECTRA, "--read-noise", "-1"), "--read-noise"),
-        ("white/white_500nm.png", SPECTRA, "table/white: found no frame at 500 nm"),
+        (without("white/white_500nm.png"), SPECTRA, "table/white: found no frame at 500 nm"),
         (None, (*COMPARE, "P1"), "NAME=ROW,COLUMN"),
         (None, (*COMPARE, "P1=30,45", "P1=50,50"), "--points: found P1 twice"),
         (None, ("join", "table/truth.nc", "table/truth.nc", "--out", "s.nc"), "expected a file of tmca scan spectra"),
     ],
 )
-def test_what_cannot_be_scanned_is_one_line_and_nothing_is_written(capsys, table, gone, arguments, words):
-    if gone:
-        (table / gone).unlink()
+def test_what_cannot_be_scanned_is_one_line_and_nothing_is_written(capsys, table, spoil, arguments, words):
+    if spoil:
+        spoil(table)
     assert words in refused(capsys, "scan", *arguments)
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
 
