@@ -131,3 +131,10 @@ def test_an_estimate_far_from_light_is_told():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tmca.evaluate(stored, CUBE)
+
+
+def test_the_sheet_of_a_sensor_is_what_it_says():
+    from tmca.reports.cameras import _sheet
+
+    sensor = tmca.Sensor(full_well=1000, read_noise_electrons=2, bits=10)
+    assert _sheet(sensor).sensor().settings() == sensor.settings()

@@ -8,6 +8,7 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca.applications import evaluate, simulate
+from tmca.applications.imaging import evaluation_of
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field
@@ -123,3 +124,20 @@ def test_a_prior_of_views_is_learned_and_decodes(learn, called, decode, tmp_path
     capsys.readouterr()
     main(["reconstruct", "s.nc", *decode, "--truth", "coffee", "--no-figures", "--json"])
     assert json.loads(capsys.readouterr().out)["metrics"]["psnr"] > 10
+
+
+def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scene = ["coffee", "--views", "3", "--crop", "24x30", "--colour", "--no-figures"]
+    main(["simulate", "light-field", *scene, "--slots", "2", "--period", "6", "--out", "s.nc"])
+    capsys.readouterr()
+    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
+    found = json.loads(capsys.readouterr().out)["metrics"]
+    drawn = {}
+    monkeypatch.setattr("tmca.plots.light_field.light_field_figure", lambda e, t, s: drawn.update(e, truth=t))
+    beside = evaluation_of("e.nc", "coffee")
+    beside.figure("e")
+    again = beside.metrics
+    assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
+    assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
+    assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)

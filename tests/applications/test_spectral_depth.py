@@ -11,13 +11,14 @@ from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.camera_figures import psf_figure
 from tmca.applications.pictures import estimate_pictures
 from tmca.cameras import SpectralDepthCamera
-from tmca.data import rendered_scene
+from tmca.data import rendered_scene, write_dataset
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
 from tmca.decoders import decode
 from tmca.errors import DataError
 from tmca.optics import PhaseMaskBench
+from tmca.plots.cube import sample_points
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
 from tmca.priors.spectral_depth import needed_block
@@ -79,7 +80,6 @@ def test_a_scene_with_spectra_and_depth_needs_no_others(how):
 
 
 def test_a_cube_is_placed_and_its_bands_are_chosen(tmp_path):
-    from tmca.data import write_dataset
 
     waves = np.arange(400, 701, 20) * 1e-9
     values = np.random.default_rng(0).random((16, 40, 50)).astype(np.float32)
@@ -130,3 +130,11 @@ def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):
     with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
         other = evaluate(tmp_path / "found.nc", "rocket")
     assert same["psnr"] > other["psnr"]
+
+
+def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
+    cube = np.random.default_rng(0).random((3, 60, 80))
+    monkeypatch.setattr("tmca.plots.cube._LOOKED_AT", 1000)
+    coarse = sample_points(cube)  # 4800 pixels: every third
+    assert len(set(coarse)) == 3
+    assert coarse == [(3 * row, 3 * column) for row, column in sample_points(cube[:, ::3, ::3])]

@@ -273,3 +273,8 @@ def test_impossible_placings_are_refused(cube, settings, where):
     with pytest.raises(TmcaError) as caught:
         place_cube(**{"cube": cube, "near": 0.4, "far": 2.0, "seed": 0, "kind": "plane", **settings})
     assert caught.value.where == where
+
+
+def test_the_two_halves_of_the_materials_differ():
+    train, test = (spectral_from_rgb(patches(), materials=part)["reflectance"] for part in ("train", "test"))
+    assert float(np.abs(train - test).max()) > 0.02

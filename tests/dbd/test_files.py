@@ -110,3 +110,11 @@ def test_broken_problems_are_named(tmp_path, broken, error):
     with pytest.raises(error) as caught:
         load_problem(tmp_path / "q.nc")
     assert caught.value.where.startswith(str(tmp_path / "q.nc"))
+
+
+def test_plain_arrays_may_come_with_units(tmp_path):
+    radar, link = plain().sources
+    arrays = {"y": plain().y[0], "basis_radar": radar.rows[0], "basis_link": link.rows}
+    scales = {"delay_s": 1e-6, "doppler_hz": 2e5, "carrier_hz": 77e9}
+    np.savez(tmp_path / "units.npz", **arrays, **scales)
+    assert load_problem(tmp_path / "units.npz").units == Units(1e-6, 2e5, 77e9, 0.5)

@@ -4,13 +4,13 @@ import subprocess
 import sys
 import warnings
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from tests.dbd.loops import noise, samples
-from tmca.dbd import Problem, Source, Truth, Units, simulate, solve
+from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
 from tmca.dbd.model import LittleExplained, SameSignals
 from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
@@ -236,3 +236,11 @@ def test_good_samples_and_those_that_may_be_noise_alone_are_not_told_of(snr_db, 
     with warnings.catch_warnings():
         warnings.simplefilter("error", LittleExplained)
         solve(replace(problem, sigma=problem.sigma if sigma else None), certify=False)
+
+
+def test_a_programme_that_has_not_converged_says_so(monkeypatch):
+    problem = simulate(M=7, P=4, J=2, targets=1, paths=1, seed=1)
+    monkeypatch.setattr(solving, "solve_admm", partial(solving.solve_admm, iterations=50))
+    assert any("has not converged: residual" in note for note in solve(problem, "sdp", early=False).notes)
+    monkeypatch.undo()
+    assert not any("converged" in note for note in solve(problem, "sdp", early=False).notes)

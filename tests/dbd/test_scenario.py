@@ -119,3 +119,9 @@ def test_files_that_are_no_scenario_are_named(tmp_path, text):
     file.write_text(text)
     with pytest.raises(DataError, match=r"mine\.yaml"):
         read_scenario(file)
+
+
+def test_numbers_of_targets_are_finite():
+    with pytest.raises(SettingError) as caught:
+        Target(60.0, float("nan"))
+    assert caught.value.where == "velocity_m_s of a target"

@@ -212,3 +212,17 @@ def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, monkeypatch, sce
     lists = [word for pair in given.items() if pair[0] not in more for word in pair]
     assert words in refused(capsys, "compare", "spectral-depth", *lists, *more.split(), "--out", "out", "--work", "w")
     assert not (tmp_path / "out").exists()
+
+
+def test_learned_codes_stand_beside_their_start_and_their_static_case():
+    made = {"TMCA optimised K = 4": (0.2, 30.0), "TMCA learned K = 4": (0.15, 31.0),
+            "diffractive element only, learned": (0.3, 29.0)}  # fmt: skip
+    rows = [
+        {"code": code, "decoder": "two-headed", "noise": "n", "depth_mae": mae, "psnr": psnr}
+        for code, (mae, psnr) in made.items()
+    ]
+    (found,) = learning({"rows": rows})
+    assert (found["code"], found["depth_mae"]) == ("TMCA learned K = 4", 0.15)
+    assert (found["start"], found["start_psnr"]) == (0.2, 1.0)
+    assert (found["static"], found["static_psnr"]) == (0.3, 2.0)
+    assert learning({"rows": rows[:1]}) == []

@@ -166,3 +166,12 @@ def test_impossible_fixed_settings_are_refused(tmp_path, fixed):
 def test_values_may_be_text_as_on_the_command_line(tmp_path):
     found = sweep(tmp_path, {"noise": ["1e-2"], "slots": ["4.0"]})
     assert (found["rows"][0]["noise"], found["rows"][0]["slots"]) == (0.01, 4)
+
+
+def test_a_static_design_stands_beside_those_of_several_slots(tmp_path):
+    effort = {"descents": 1, "steps": 5, "flips": 0}
+    found = light_fields(tmp_path, {"slots": [2, 4], "design": ["static", "one-hot"]}, effort=effort)
+    assert len(list((tmp_path / "work" / "designs").glob("static-1-*.nc"))) == 1
+    rows = {(row["slots"], row["design"]): row["psnr"] for row in found["rows"]}
+    assert rows[2, "static"] == pytest.approx(rows[4, "static"])
+    assert rows[2, "one-hot"] != pytest.approx(rows[4, "one-hot"])

@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
-from tmca.errors import OutputError
+from tmca.errors import OutputError, ShapeError
 from tmca.plots.codes import sub_images_figure
 from tmca.plots.light_field import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.views import (
@@ -168,3 +168,11 @@ def test_figures_are_drawn_for_grey_and_colour_tall_and_wide(shape):
         assert all(np.isfinite(axis.get_position().bounds).all() for axis in figure.axes)
     assert "30.00 dB" in figures[3].axes[0].get_title()
     assert "MAE 0.200 px, 100.0% above 0.07 px" in [axis.get_title() for axis in figures[4].axes]
+
+
+def test_shapes_that_differ_are_refused():
+    truth = np.random.default_rng(0).random((3, 3, 20, 30))
+    with pytest.raises(ShapeError):
+        light_field_figure({"a": truth[..., :10]}, truth)
+    with pytest.raises(ShapeError):
+        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0])
