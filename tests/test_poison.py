@@ -145,16 +145,6 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path, marker, name):
     refused(read_array, tmp_path / name)
 
 
-@pytest.mark.parametrize("kind", ["device", "prototype"])
-def test_yaml_names_no_python(tmp_path, marker, kind):
-    from tmca.lab.display.devices import device_named
-    from tmca.lab.prototype import load_prototype
-
-    path = tmp_path / "described.yaml"
-    path.write_text(f"name: !!python/object/apply:os.mkdir ['{marker}']\n")
-    refused({"device": device_named, "prototype": load_prototype}[kind], path)
-
-
 def test_codecs_of_zarr_are_not_imported(tmp_path, marker):
     import json
 

@@ -127,13 +127,6 @@ def test_it_is_what_neighbours_a_fiftieth_of_a_bin_away_tell(planes):
         assert float(found[plane]) == pytest.approx(float(expected), rel=5e-3)
 
 
-def test_it_is_local_where_planes_are_few_and_far_is_infinite():
-    far = made(planes=3, depth=(0.5, float("inf")))
-    dense = made(planes=13, depth=(0.5, float("inf")))
-    few, many = (depth_information(one, PRIOR, 4, contamination=0) for one in (far, dense))
-    torch.testing.assert_close(few, many[::6], rtol=0.03, atol=0)
-
-
 def test_what_is_expected_of_other_planes_does_not_move():
     wide = made(planes=4)
     own = window_covariance(wide, PRIOR, 4, contamination=0)
