@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -307,3 +307,17 @@ def _explained(taken: Snapshot[Any], scene: Array) -> float:
 def reconstructions_figure(proof: Proof) -> Figure:
     """Truth and the reconstructions of the first spectral bench."""
     return reconstruction_figure(proof.cubes, list(proof.wavelengths), proof.scene)
+
+
+def table_of(results: Mapping[str, Any]) -> str:
+    """A line per quantity with its bound, then the reconstructions."""
+    lines = [f"{'worst of ' + str(results['seeds']) + ' benches':<44} {'error':>10} {'bound':>8}"]
+    for row in results["errors"]:
+        bound = "" if row["bound"] is None else f"{row['bound']:g}"
+        mark = "" if row["bound"] is None or row["error"] <= row["bound"] else "  missed"
+        lines.append(f"{row['quantity'] + ' (' + row['unit'] + ')':<44} {row['error']:>10.4g} {bound:>8}{mark}")
+    lines.append(f"\n{'camera':<16}{'operator':<30} {'PSNR (dB)':>10} {'snapshot explained (dB)':>25}")
+    for row in results["reconstruction"]:
+        psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f}"
+        lines.append(f"{row['camera']:<16}{row['operator']:<30} {psnr:>10} {row['explained']:>25.1f}")
+    return "\n".join(lines)

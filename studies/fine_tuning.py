@@ -22,6 +22,7 @@ import numpy as np
 from studies.bench import (
     Calibration,
     calibrate_bench,
+    capture_scenes,
     find_calibration,
     load_calibration,
     measured_sensor,
@@ -160,7 +161,9 @@ class TuningProof:
         folder, prefix = self.work / "bench", self.work / "calibration"
         if not folder.exists():
             self.work.mkdir(parents=True, exist_ok=True)
-            write_bench(folder, size=self.size, slots=self.slots, seed=self.seed, scenes=scenes)
+            write_bench(folder, size=self.size, slots=self.slots, seed=self.seed)
+        if not (folder / "captures").exists():
+            capture_scenes(folder / "captures", self.size, self.slots, self.seed, scenes)
         if not any(self.work.glob("calibration_*.nc")):
             calibrate_bench(folder).save(prefix)
         return load_calibration(find_calibration(prefix))

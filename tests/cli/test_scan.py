@@ -84,7 +84,7 @@ def test_bad_captures_are_refused_in_one_line_and_nothing_is_written(capsys, tab
     (captures / "fringe_0016_01.png").unlink()
     assert "found no fringe_0016_01 (1 of 16 missing), expected all 16 frames" in depth()
     (table / "calibration.json").write_text("{}")
-    assert "calibration.json: found no numbers for rotation" in depth()
+    assert "calibration.json: found no entry camera" in depth()
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
 
 
@@ -107,16 +107,3 @@ def test_bad_scans_are_refused_in_one_line_and_nothing_is_written(capsys, table)
     join = ("scan", "join", "table/truth.nc", "table/truth.nc", "--out", "s.nc")
     assert "expected a file of tmca scan spectra" in refused(capsys, *join)
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
-
-
-def test_references_in_percent_are_told_of(capsys, table):
-    lines = (table / "references.csv").read_text().splitlines()
-    rows = [[float(word) for word in line.split(",")] for line in lines[1:]]
-    percent = [",".join([f"{row[0]:g}", *(f"{100 * value:g}" for value in row[1:])]) for row in rows]
-    (table / "percent.csv").write_text("\n".join([lines[0], *percent]))
-    how = ("scan", "compare", "table/truth.nc", "--points", "P1=30,45", "--references")
-    capsys.readouterr()
-    main([*how, "table/references.csv"])
-    assert capsys.readouterr().err == ""
-    main([*how, "table/percent.csv"])
-    assert "P1: the reference is 100 times the spectrum (percent?)" in capsys.readouterr().err

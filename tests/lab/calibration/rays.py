@@ -1,10 +1,6 @@
 """Captures that plain physics makes, for estimators to be held against."""
 
-import re
-
 import numpy as np
-
-from tmca.errors import DataError
 
 
 def noisy(frames, snr_db=40.0, seed=0):
@@ -20,13 +16,3 @@ def affine(codes, sensor, turn=0.0, scale=1.0, shear=0.0, shift=(0.0, 0.0)):
     linear = linear @ np.array([[1.0, shear], [0.0, 1.0]])
     own, other = (np.array([(n - 1) / 2 for n in size]) for size in (codes, sensor))
     return np.hstack([linear, (other - linear @ own + shift)[:, None]])
-
-
-def or_refused(call, words):
-    """What a call gives; infinite where it is refused with these words."""
-    try:
-        return call()
-    except DataError as refused:
-        if re.search(words, str(refused)) is None:
-            raise
-        return np.inf

@@ -28,7 +28,6 @@ from tmca.lab.acquisition.captures import (
     read_captures,
     read_tif,
     resumed,
-    warn_of_frames,
 )
 from tmca.lab.acquisition.drivers import Calls, Device, Named, Recorded, saturation_of, time_limit, units_of
 from tmca.lab.acquisition.simulated import SimulatedBench
@@ -61,7 +60,7 @@ def capture(
     """Capture every frame of an export; what is there already stays, but of frames that are files.
 
     Writes ``dark.tif``, ``slot_NNN.tif`` or ``exposure.tif`` (16 bits), repeats as ``…_r1.tif`` and so on, and
-    ``captures.json`` with their checksums. Warns of copies, of frames without light and of too low numbers.
+    ``captures.json`` with their checksums.
 
     Args:
         export: its folder.
@@ -111,8 +110,6 @@ def capture(
                 keep(values, frame, record, folder, source)
             if progress:
                 progress(done + 1, len(wanted), frame.name)
-    if not isinstance(device, SimulatedBench):
-        warn_of_frames(folder, record)
     return folder
 
 

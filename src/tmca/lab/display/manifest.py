@@ -6,19 +6,19 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
+from tmca.attributes import Attributes, FiniteJson, attributes_of, read_json
 from tmca.data import checksum_of, content_digest
 from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
-from tmca.lab.notes import read_json
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
@@ -82,6 +82,15 @@ def shown_digest(manifest: dict[str, Any]) -> str:
     return content_digest({"slots": manifest["slots"], "exposure_s": manifest["exposure_s"], "planes": planes}, "")
 
 
+class _Manifest(Attributes):
+    """What every manifest says."""
+
+    format: Literal["tmca export 1"]
+    slots: Annotated[int, Field(ge=1)]
+    exposure_s: Annotated[float, Field(gt=0)]
+    planes: Annotated[list[dict[str, FiniteJson]], Field(min_length=1)]
+
+
 def read_manifest(folder: str | Path) -> dict[str, Any]:
     """The manifest of an export.
 
@@ -89,16 +98,10 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         DataError: no export, one of another version, or one that says no slots, exposure or planes.
     """
     file = Path(folder) / NAME
-    about = read_json(file, "the manifest of an export", "make one with `tmca export`")
-    if about.get("format") != FORMAT:
-        raise DataError(file, f"format {about.get('format')!r}", repr(FORMAT))
-    try:
-        stated = int(about["slots"]), float(about["exposure_s"]), [plane["frames"] for plane in about["planes"]]
-    except (KeyError, TypeError, ValueError):
-        stated = 0, 0.0, []
-    if not all(stated):
-        said = "no slots, no exposure time, or planes without frames"
-        raise DataError(file, said, "the manifest of an export", "export again")
+    about: dict[str, Any] = read_json(
+        file, dict[str, FiniteJson], "the manifest of an export, which `tmca export` makes"
+    )
+    attributes_of(_Manifest, about, file, "entry")
     return about
 
 
