@@ -13,17 +13,8 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 import tmca
-from studies.bench import (
-    DEPTH,
-    REFERENCE,
-    WAVES,
-    Calibration,
-    MeasuredDispersion,
-    calibrate_bench,
-    calibrated_snapshot,
-    wavefront_rms,
-    write_bench,
-)
+from studies.bench import Calibration, MeasuredDispersion, calibrated_snapshot, wavefront_rms
+from studies.rendered_bench import DEPTH, REFERENCE, WAVES, calibrate_bench, write_bench
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import read_dataset
 from tmca.errors import check_range

@@ -21,16 +21,13 @@ import numpy as np
 
 from studies.bench import (
     Calibration,
-    calibrate_bench,
-    capture_scenes,
     find_calibration,
     load_calibration,
     measured_sensor,
-    nominal_spectral,
     training_of,
-    write_bench,
 )
 from studies.grid import repository_commit
+from studies.rendered_bench import calibrate_bench, capture_scenes, nominal_spectral, write_bench
 from studies.tables import Column, table, write_results
 from tmca.cameras import CodedCamera, Snapshot
 from tmca.data import at_bands, load_scene, read_split

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from studies.ray_physics import seen_by_rays
 from tests.lab.calibration.rays import affine, noisy
 from tests.lab.calibration.test_sensor import frames as sensor_frames
 from tmca.errors import DataError
-from tmca.lab.calibration.bench_physics import seen_by_rays
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.registration import register

@@ -57,13 +57,16 @@ def test_the_standard_deviation_is_that_of_many_scans(tmp_path, gain):
     assert scan.read_noise == pytest.approx(8.0, rel=0.1)
 
 
-def test_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path):
-    seen = render_scan(cube(), read_noise=8.0, darks=31, seed=1)
+@pytest.mark.parametrize("repeats", [1, 4])
+def test_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path, repeats):
+    seen = render_scan(cube(), read_noise=8.0, darks=31 * repeats, seed=1)
     scene, _, white = folders(tmp_path, seen)
     (tmp_path / "own").mkdir()
-    for nm, frame in zip(NM, seen.dark, strict=True):
-        Image.fromarray(frame).save(tmp_path / "own" / f"dark_{nm:g}nm.png")
-    assert read_scan(scene, tmp_path / "own", white).read_noise == pytest.approx(8.0, rel=0.05)
+    for i, frame in enumerate(seen.dark):
+        Image.fromarray(frame).save(tmp_path / "own" / f"dark_{NM[i % 31]:g}nm_r{i // 31}.png")
+    scan = read_scan(scene, tmp_path / "own", white)
+    assert scan.read_noise == pytest.approx(8.0, rel=0.05)
+    assert scan.dark_frames.tolist() == [repeats] * 31
 
 
 def test_the_formula_is_the_derivative_by_every_frame(tmp_path):
@@ -155,45 +158,6 @@ def test_frames_of_one_wavelength_are_averaged_one_by_one(tmp_path):
                 assert found["reflectance"].values[band, y, x] == pytest.approx(ratio, rel=1e-5)
                 assert found["reflectance_std"].values[band, y, x] == pytest.approx(np.sqrt(var) / range_, rel=1e-5)
     assert found.attrs["saturated_pixels"] == 1
-
-
-def test_the_standard_deviation_of_repeats_is_that_of_many_scans(tmp_path):
-    truth, estimates = cube(2, (8, 9)), []
-    for seed in range(60):
-        seen = [render_scan(truth, read_noise=8.0, gain=0.2, darks=4, seed=5 * seed + n) for n in range(4)]
-        paths = folders(tmp_path, seen[0], NM[:2])
-        for band in range(2):
-            repeated(tmp_path, "scene", NM[band], [one.scene[band] for one in seen[1:]])
-            repeated(tmp_path, "white", NM[band], [seen[1].white[band]])
-        found = measure_reflectance(read_scan(*paths, saturation=4095), gain=0.2, read_noise=8.0)
-        estimates.append(found["reflectance"].values)
-    spread = np.std(estimates, axis=0, ddof=1)
-    assert np.sqrt(np.mean(spread**2 / found["reflectance_std"].values ** 2)) == pytest.approx(1, abs=0.05)
-
-
-def test_as_many_repeats_of_all_frames_divide_the_standard_deviation_by_their_square_root(tmp_path):
-    seen = render_scan(cube(3), bits=16, darks=3, seed=2)
-    once = measure_reflectance(read_scan(*folders(tmp_path / "once", seen, NM[:3])), read_noise=4.0)
-    paths = folders(tmp_path / "more", seen, NM[:3])
-    for band in range(3):
-        for kind in ("scene", "white"):
-            frame = getattr(seen, kind)[band]
-            repeated(tmp_path / "more", kind, NM[band], [frame + 1, frame + 2, frame - 3])
-    np.save(tmp_path / "dark.npy", np.tile(seen.dark, (4, 1, 1)))
-    more = measure_reflectance(read_scan(paths[0], tmp_path / "dark.npy", paths[2]), read_noise=4.0)
-    np.testing.assert_allclose(more["reflectance_std"], once["reflectance_std"] / 2, rtol=1e-5)
-    np.testing.assert_allclose(more["reflectance"], once["reflectance"], rtol=1e-5)
-
-
-def test_repeated_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path):
-    seen = render_scan(cube(), read_noise=8.0, darks=31 * 4, seed=1)
-    scene, _, white = folders(tmp_path, seen)
-    (tmp_path / "own").mkdir()
-    for i, frame in enumerate(seen.dark):
-        Image.fromarray(frame).save(tmp_path / "own" / f"dark_{NM[i % 31]:g}nm_r{i // 31}.png")
-    scan = read_scan(scene, tmp_path / "own", white)
-    assert scan.read_noise == pytest.approx(8.0, rel=0.05)
-    assert scan.dark_frames.tolist() == [4] * 31
 
 
 def test_frames_near_a_wavelength_asked_for_are_its_repeats_and_serve_no_other(tmp_path):

@@ -107,12 +107,13 @@ def render(
         seed: of the truth, the codes and the noise.
         overwrite: replace the folder if it exists.
     """
+    from tmca.cli.studies import study_module
     from tmca.data import check_target
-    from tmca.lab.calibration.rendered_bench import write_bench
 
     check_target(folder, overwrite)
     asked = parsed_size(size) or (64, 80)
-    write_bench(folder, camera=camera, size=asked, slots=slots, snr_db=snr, seed=seed, overwrite=overwrite)
+    rendered = study_module("rendered_bench")
+    rendered.write_bench(folder, camera=camera, size=asked, slots=slots, snr_db=snr, seed=seed, overwrite=overwrite)
     print(f"{folder}: {', '.join(sorted(entry.name for entry in folder.iterdir()))}")
 
 

@@ -6,15 +6,28 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import torch
+import xarray as xr
 
-from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.data import atomic_path, label, write_dataset, write_json
-from tmca.errors import SettingError, check_choice, check_range
-from tmca.lab.calibration.bench_physics import (
+from studies.bench import (
+    CODES_DATE,
+    MODES,
+    Calibration,
+    StepSettings,
+    calibration_patterns,
+    measure_all,
+    moved,
+    nominal_matrix,
+    now,
+    write_frames,
+    zernike_modes,
+)
+from studies.ray_physics import (
     REFERENCE,
+    Array,
     BenchTruth,
     glass_shift,
     light_field_light,
@@ -25,14 +38,10 @@ from tmca.lab.calibration.bench_physics import (
     spectral_light,
     white_power,
 )
-from tmca.lab.calibration.captures import calibration_patterns
-from tmca.lab.calibration.pattern_image import moved
-from tmca.lab.calibration.psf import MODES
-from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.frames import Array, write_frames
-from tmca.lab.notes import CODES_DATE, now
+from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.data import atomic_path, label, write_dataset, write_json
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import PhaseMaskBench
-from tmca.optics.zernike import zernike_modes
 
 NAME = "rendered"
 WAVES: Array = np.arange(400.0, 701.0, 25.0) * 1e-9
@@ -266,3 +275,33 @@ def stated(truth: BenchTruth) -> dict[str, Any]:
 def _power_table() -> str:
     rows = [f"{w * 1e9:g},{p:.6g}" for w, p in zip(WAVES, white_power(WAVES), strict=True)]
     return "\n".join(["wavelength_nm,power", *rows]) + "\n"
+
+
+def capture_scenes(
+    folder: Path, size: tuple[int, int], slots: int, seed: int, scenes: Mapping[str, xr.DataArray]
+) -> None:
+    """Write ``NAME.nc``, a raw snapshot of the spectral rendered bench, and ``NAME_truth.nc`` of every scene.
+
+    Args:
+        folder: to make.
+        size: (H, W) of the bench's scenes.
+        slots: of its codes.
+        seed: of its truth and codes; with the name, of the noise.
+        scenes: cubes (wavelength, y, x) at the camera's bands and size, by name.
+    """
+    camera = nominal_spectral(size, slots, seed)
+    truth = spectral_truth(camera, seed)
+    with atomic_path(folder) as place:
+        place.mkdir()
+        for name, scene in scenes.items():
+            light = spectral_light(camera, truth, np.asarray(scene.values, dtype=np.float64))
+            rng = np.random.default_rng((seed, crc32(name.encode())))
+            raw_snapshot(camera, truth, light[None], rng, name).save(place / f"{name}.nc")
+            write_dataset(scene.to_dataset(name="radiance"), place / f"{name}_truth.nc")
+
+
+def calibrate_bench(folder: Path) -> Calibration:
+    """Every step of a rendered bench, as ``tmca calibrate all`` measures them."""
+    told = StepSettings(wavelength=REFERENCE, camera=folder / "snapshot.nc")
+    *_, (_, found) = measure_all(folder, Calibration.empty(NAME), told)
+    return found
