@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from tmca.lab.calibration.apply import calibrated_snapshot
+from tmca.lab.calibration.apply import calibrated_snapshot, measured_sensor
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.fits import StepSettings
-from tmca.lab.calibration.measured_sensor import measured_sensor
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.psf import MODES, wavefront_rms
 from tmca.lab.calibration.registration import nominal_matrix

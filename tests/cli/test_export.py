@@ -82,7 +82,7 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
     ("options", "words"),
     [
         ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
-        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "as long as it takes"),
+        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "options of its own"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
     ],
 )  # fmt: skip
@@ -165,12 +165,6 @@ def test_files_that_changed_are_read_again_and_which_is_which_is_said(tmp_path, 
 )
 def test_settings_of_a_folder_are_named(capsys, settings, words, ex):
     assert words in refused(capsys, "capture", "ex", "--device", "folder", *settings)
-
-
-def test_a_calibration_is_not_taken_from_a_folder(capsys, ex):
-    said = refused(capsys, "calibrate", "capture", "dark", "ex", "--device", "folder", "--set", "path=ex")
-    assert "--device: found folder" in said
-    assert "tmca calibrate STEP FOLDER" in said
 
 
 def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):

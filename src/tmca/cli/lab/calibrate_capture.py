@@ -47,14 +47,12 @@ def capture(
         reflectance: of the white reference.
     """
     from tmca.data import nm_to_metres
-    from tmca.lab.calibration.capturing import capture_step, refuse_recorded
+    from tmca.lab.calibration.capturing import capture_step
     from tmca.lab.calibration.shots import Asked
     from tmca.lab.calibration.steps import steps_of
     from tmca.lab.cameras import lab_camera
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
-    if bench.device == "folder":
-        refuse_recorded(bench.device)
     bench.check()
     taken = bench.known(export)
     waves = tuple(float(nm_to_metres(one)) for one in _each(wavelength, "--wavelength", 100, 20000, "nm"))

@@ -188,20 +188,6 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
     return record
 
 
-def read_tif(file: Path) -> NDArray[np.integer]:
-    """A frame as it was kept.
-
-    Raises:
-        DataError: no picture.
-    """
-    import tifffile
-
-    try:
-        return np.asarray(tifffile.imread(file))
-    except (OSError, ValueError, tifffile.TiffFileError):
-        raise DataError(file, "no TIFF", "a frame of the capture", _AGAIN) from None
-
-
 def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...], saturation: float) -> None:
     """Raises DataError for a frame of another size than (H, W), or (C, H, W) of a sensor with channels, or one of which
     more than half is saturated."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from tmca.attributes import Attributes, FiniteJson, attributes_of, read_json
-from tmca.data import checksum_of, content_digest
+from tmca.data import checksum_of, content_digest, read_array
 from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
@@ -40,13 +40,7 @@ def read_frame(file: Path) -> NDArray[np.integer]:
     Raises:
         DataError: a missing or broken picture, or one in colour.
     """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(file) as picture:
-            frame = np.asarray(picture)
-    except (OSError, UnidentifiedImageError, SyntaxError):
-        raise DataError(file, "no picture", "the PNG of the export", "export again") from None
+    frame = read_array(file)
     if frame.ndim != 2:
         raise DataError(file, f"an array of shape {frame.shape}", "one plane of pixels", "export again")
     return frame.astype(np.uint8) if frame.dtype == np.bool_ else frame
