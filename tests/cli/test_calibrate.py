@@ -191,26 +191,6 @@ def exported(shown, tmp_path):
     shutil.copytree(shown, tmp_path, dirs_exist_ok=True)
 
 
-FAULTS = ("--hardware", "misregistration=0.6:-0.8,rotation=0.4,delay=0.2", "--seed", "4")
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("exported")
-def test_a_bench_with_faults_is_calibrated_by_its_own_frames(capsys):
-    told = said(capsys, "calibrate", "capture", "all", "shown", "--out", "bench", "--frames", "4", *FAULTS)
-    assert "linearity: left out" in told
-    assert "bench/timing: measure it with tmca calibrate all bench --out NAME" in told
-    said(capsys, "calibrate", "all", "bench", "--curve", "measured", "--out", "whole", "--no-figures")
-    assert load_calibration("whole").part("timing").delay == pytest.approx(0.2, abs=1e-3)
-    said(capsys, "capture", "shown", "--scene", "coffee", "--out", "frames", *FAULTS)
-    truth = ("--truth", "coffee", "--no-figures", "--json")
-    found = [
-        json.loads(said(capsys, "reconstruct", "frames.nc", *truth, "--out", f"{n}.nc", *more))["metrics"]["psnr"]
-        for n, more in enumerate([(), ("--calibration", "whole")])
-    ]
-    assert found[1] > found[0] + 8
-
-
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
