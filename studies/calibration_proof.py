@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 import tmca
 from studies.bench import Calibration, MeasuredDispersion, calibrated_snapshot, wavefront_rms
-from studies.rendered_bench import DEPTH, REFERENCE, WAVES, calibrate_bench, write_bench
+from studies.ray_physics import REFERENCE
+from studies.rendered_bench import DEPTH, WAVES, calibrate_bench, write_bench
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import read_dataset
 from tmca.errors import check_range

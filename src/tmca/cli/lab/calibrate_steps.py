@@ -192,8 +192,10 @@ def registration(
         scale: sensor pixels per mask pixel, to 6 %.
         device: HEIGHTxWIDTH of the mask, refused if the patterns differ.
     """
-    how_seen = {"patterns": patterns, "wavelength": _metres(wavelength), "scale": scale}
-    _measured("registration", captures, how, device=size(device, "--device"), **how_seen)
+    codes = size(device, "--device")
+    _measured(
+        "registration", captures, how, patterns=patterns, wavelength=_metres(wavelength), scale=scale, device=codes
+    )
 
 
 def dispersion(
