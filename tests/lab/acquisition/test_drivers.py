@@ -86,14 +86,6 @@ def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
 
 
-def test_a_driver_that_fails_on_the_name_of_a_frame_does_so_in_one_line(tmp_path):
-    lamp = Lamp(900)
-    lamp.name_frame = lambda name: {"dark": 0}[name]
-    with pytest.raises(DeviceError, match="device Lamp: found KeyError: 'slot_000'"):
-        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
-    assert [file.name for file in (tmp_path / "frames").glob("*.tif")] == ["dark.tif"]
-
-
 class Hanging(Lamp):
     """A driver that answers no more from a call on."""
 
@@ -311,14 +303,6 @@ def test_saturation_is_white_in_one_frame_unless_the_driver_knows_its_scale(tmp_
     lamp.snapshot_units_per_dn = 0.25
     found = joined(capture(export, lamp, tmp_path / "other", gain=None, camera=camera), export, camera)
     assert found.notes["gain_per_digital_number"] == 0.25
-
-
-def test_a_saturation_that_hangs_ends_the_capture(tmp_path):
-    class Hung(Lamp):
-        saturation = property(lambda self: threading.Event().wait())
-
-    with pytest.raises(DeviceError, match=r"device Hung: found no answer in 0\.2 s"):
-        capture(exported(tmp_path, spectral()), Hung(900), tmp_path / "frames", timeout=0.2)
 
 
 @pytest.mark.parametrize("limit", [0, 20])
