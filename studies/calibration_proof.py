@@ -268,7 +268,9 @@ def true_calibration(calibration: Calibration, truth: Truth) -> Calibration:
     for name in [name for name in parts if name.startswith("wavefront")]:
         own = truth["coefficients"][int(name.removeprefix("wavefront"))]
         parts[name] = replace(parts[name], coefficients=np.asarray(own))
-    return Calibration(parts, calibration.about, calibration.path)
+    true = Calibration(parts, calibration.about, calibration.path)
+    # without the settings of the fit, which know the leakage of the mask as it was measured
+    return true.with_part("timing", parts["timing"], {}) if "timing" in parts else true
 
 
 def _without_leaks(calibration: Calibration) -> Calibration:
