@@ -76,7 +76,7 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
     ("options", "words"),
     [
         ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
-        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "as long as it takes"),
+        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "options of its own"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
         (["--device", "folder"], "--set path: found none"),
         (["--device", "folder", "--set", "path=ex", "--set", "foo=1"], "--set foo: found a setting"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.cli.calls import answer, run, said
+from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.data import read_spectral_depth
@@ -88,7 +88,7 @@ def without(name):
         (None, (*DEPTH, "--far", "0.5"), "out of range"),
         (None, (*DEPTH, "--saturation", "3000"), "% of the pixels saturated"),
         (without("captures/fringe_0016_01.png"), DEPTH, "found no fringe_0016_01"),
-        (lambda table: (table / "calibration.json").write_text("{}"), DEPTH, "found no numbers for rotation"),
+        (lambda table: (table / "calibration.json").write_text("{}"), DEPTH, "found no entry camera"),
         (None, (*SPECTRA, "--wavelengths", "400:700:16"), "expected the 16 wavelengths asked for"),
         (None, (*SPECTRA, "--white-reflectance", "bright"), "a number or a file of its spectrum"),
         (None, (*SPECTRA, "--saturation", "3000"), "saturated in"),
@@ -104,13 +104,3 @@ def test_what_cannot_be_scanned_is_one_line_and_nothing_is_written(capsys, table
         spoil(table)
     assert words in refused(capsys, "scan", *arguments)
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
-
-
-def test_references_in_percent_are_told_of(capsys, table):
-    values = np.loadtxt(table / "references.csv", delimiter=",", skiprows=1)
-    values[:, 1:] *= 100
-    head = (table / "references.csv").read_text().splitlines()[0]
-    np.savetxt(table / "percent.csv", values, delimiter=",", header=head, comments="")
-    assert run(capsys, "scan", *COMPARE, "P1=30,45").err == ""
-    how = [word.replace("references.csv", "percent.csv") for word in COMPARE]
-    assert "P1: the reference is 100 times the spectrum (percent?)" in run(capsys, "scan", *how, "P1=30,45").err

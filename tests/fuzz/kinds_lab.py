@@ -120,14 +120,14 @@ def _capture(path: Path) -> None:
 
 
 def _read_capture(path: Path) -> Any:
-    from tmca.lab.acquisition.captures import read_captures, read_tif, said_sources, warn_of_frames
+    from tmca.data import read_array
+    from tmca.lab.acquisition.captures import read_captures, said_sources
     from tmca.lab.calibration.captures import taken_with
     from tmca.lab.notes import date_of_frames
 
     record = read_captures(path)
-    warn_of_frames(path, record)
     said = taken_with(path), date_of_frames([path]), said_sources(path)
-    return record, said, [read_tif(path / f"{name}.tif") for name in record["frames"]]
+    return record, said, [read_array(path / f"{name}.tif") for name in record["frames"]]
 
 
 @functools.cache

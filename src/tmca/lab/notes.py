@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from tmca.attributes import NamedJson, read_json
+from tmca.attributes import Attributes, read_json
 from tmca.errors import DataError
 
 GAIN = "gain_per_digital_number"
@@ -70,6 +70,16 @@ def _date_of(path: Path) -> datetime:
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).replace(microsecond=0)
 
 
+class _Date(Attributes):
+    taken: str | None = None
+
+
+class _Dates(Attributes):
+    """Of the frames in a list of captures."""
+
+    frames: dict[str, _Date]
+
+
 def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
     """When the oldest frame of some captures was taken, UTC; None where no list of captures says.
 
@@ -82,9 +92,7 @@ def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
     dates = []
     for source in map(Path, sources):
         file = (source if source.is_dir() else source.parent) / CAPTURES
-        frames = read_json(file, NamedJson, "what `tmca capture` wrote").get("frames") if file.is_file() else {}
-        if not isinstance(frames, dict) or not all(isinstance(about, dict) for about in frames.values()):
-            raise DataError(file, "no list of captures", "what `tmca capture` wrote", "take an unchanged copy")
-        chosen = frames if source.is_dir() else {source.stem: frames.get(source.stem, {})}
-        dates += [parsed_date(about["taken"], file).astimezone(UTC) for about in chosen.values() if "taken" in about]
+        frames = read_json(file, _Dates).frames if file.is_file() else {}
+        chosen = [about for name, about in frames.items() if source.is_dir() or name == source.stem]
+        dates += [parsed_date(about.taken, file).astimezone(UTC) for about in chosen if about.taken is not None]
     return min(dates, default=None)

@@ -1,6 +1,7 @@
 """Captures that plain physics makes, for estimators to be held against."""
 
 import numpy as np
+from PIL import Image
 
 
 def noisy(frames, snr_db=40.0, seed=0):
@@ -16,3 +17,11 @@ def affine(codes, sensor, turn=0.0, scale=1.0, shear=0.0, shift=(0.0, 0.0)):
     linear = linear @ np.array([[1.0, shear], [0.0, 1.0]])
     own, other = (np.array([(n - 1) / 2 for n in size]) for size in (codes, sensor))
     return np.hstack([linear, (other - linear @ own + shift)[:, None]])
+
+
+def pictures(folder, frames):
+    """A folder with a 16-bit PNG of every frame by its name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, frame in frames.items():
+        Image.fromarray(np.asarray(np.round(frame), np.uint16)).save(folder / f"{name}.png")
+    return folder

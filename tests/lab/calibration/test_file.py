@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 import xarray as xr
-from PIL import Image
 
+from tests.lab.calibration.rays import pictures
 from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, write_dataset
 from tmca.errors import DataError, OutputError
@@ -160,13 +160,6 @@ def test_steps_of_two_sensors_do_not_mix():
     found = Calibration.empty("bench").with_part("dark", PARTS["dark"], {}, sensor=SIZE)
     with pytest.raises(DataError, match="sensor in timing of 6×7 pixels, expected 5×7"):
         found.with_part("timing", PARTS["timing"], {}, sensor=(6, 7))
-
-
-def pictures(folder, frames):
-    folder.mkdir(exist_ok=True)
-    for name, frame in frames.items():
-        Image.fromarray(np.asarray(frame, np.uint16)).save(folder / f"{name}.png")
-    return folder
 
 
 def test_captures_are_known_by_name_and_averaged(tmp_path):

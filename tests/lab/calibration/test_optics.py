@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.ray_physics import point_of, seen_by_rays
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.lab.calibration.bench_physics import point_of, seen_by_rays
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.dispersion import measure_dispersion
 from tmca.lab.calibration.displacement import displacement_of, measure_shear

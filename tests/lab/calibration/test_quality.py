@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from PIL import Image
 
-from tests.lab.calibration.rays import affine, noisy
+from studies.ray_physics import seen_by_rays
+from tests.lab.calibration.rays import affine, noisy, pictures
 from tests.lab.calibration.test_sensor import frames as sensor_frames
 from tmca.errors import DataError
-from tmca.lab.calibration.bench_physics import seen_by_rays
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.registration import register
@@ -23,13 +22,6 @@ def test_quality_is_the_residual_over_what_is_usual():
         assert quality_of("file", "what is left", 1.0, 0.5) == 2
 
 
-def pictures(folder, frames):
-    folder.mkdir(parents=True)
-    for name, frame in enumerate(frames):
-        Image.fromarray(np.asarray(np.round(frame), np.uint16)).save(folder / f"{name}.png")
-    return folder
-
-
 SQUARES = np.kron(np.random.default_rng(0).integers(2, size=(10, 11)), np.ones((4, 4)))[:37, :42]
 CHANGING = {
     "dark": sensor_frames(0.0, 8) + 12000 * np.random.default_rng(0).integers(2, size=(8, 37, 42)),
@@ -41,10 +33,10 @@ CHANGING = {
 def test_light_that_changes_is_doubted_and_kept(tmp_path, step):
     start = Calibration.empty()
     if step == "flat":
-        start = measure("dark", start, pictures(tmp_path / "dark", sensor_frames(0.0, 8)))
+        start = measure("dark", start, pictures(tmp_path / "dark", dict(enumerate(sensor_frames(0.0, 8)))))
         assert start.about["steps"]["dark"]["residuals"]["quality"] < 1
     with pytest.warns(Doubtful, match="noise of"):
-        found = measure(step, start, pictures(tmp_path / "c", CHANGING[step]))
+        found = measure(step, start, pictures(tmp_path / "c", dict(enumerate(CHANGING[step]))))
     assert found.about["steps"][step]["residuals"]["quality"] > 1
 
 

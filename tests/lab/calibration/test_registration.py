@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from studies.ray_physics import seen_by_rays
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.bench_physics import seen_by_rays
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.displacement import displacement_of
 from tmca.lab.calibration.pattern_image import inverse, mapped, moved, seen_patterns

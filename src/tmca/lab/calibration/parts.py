@@ -67,7 +67,7 @@ UNITS = {
     "depths": "m",
     "exposures": "s",
 }
-_MAY_LACK = ("drift", "unlike", "worst", "saturation", "deviations", "residual", "std", "leakage_std")
+_MAY_LACK = ("saturation", "deviations", "residual", "std", "leakage_std")
 """Fields that are NaN where they were not measured, or where as few values were fitted as there are unknowns."""
 _OF_STEP = ("residuals", "sources", "settings")
 _SIZES = {"axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}

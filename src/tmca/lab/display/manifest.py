@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError
 
 from tmca.attributes import Attributes, Inside, NamedJson, attributes_of, read_json
-from tmca.data import checksum_of, content_digest
+from tmca.data import checksum_of, content_digest, read_array
 from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
@@ -40,13 +40,7 @@ def read_frame(file: Path) -> NDArray[np.integer]:
     Raises:
         DataError: a missing or broken picture, or one in colour.
     """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(file) as picture:
-            frame = np.asarray(picture)
-    except (OSError, UnidentifiedImageError, SyntaxError):
-        raise DataError(file, "no picture", "the PNG of the export", "export again") from None
+    frame = read_array(file)
     if frame.ndim != 2:
         raise DataError(file, f"an array of shape {frame.shape}", "one plane of pixels", "export again")
     return frame.astype(np.uint8) if frame.dtype == np.bool_ else frame
@@ -90,8 +84,6 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
     """
     file = Path(folder) / NAME
     about: dict[str, Any] = read_json(file, NamedJson, "the manifest of an export", "make one with `tmca export`")
-    if about.get("format") != FORMAT:
-        raise DataError(file, f"format {about.get('format')!r:.80}", repr(FORMAT))
     attributes_of(_Manifest, about, file, "entry")
     return about
 
@@ -138,6 +130,7 @@ class _Plane(Attributes):
 class _Manifest(Attributes):
     """What is read of a manifest."""
 
+    format: Literal["tmca export 1"]
     camera: str
     settings: dict[str, Any]
     source: str

@@ -133,11 +133,6 @@ class Comparison:
     rmse: float
     filters: dict[str, tuple[float, float]]
 
-    @property
-    def scale(self) -> float:
-        """By what the spectrum is multiplied to come nearest to the reference; 1 where both have the same units."""
-        return float(self.spectrum @ self.reference / (self.spectrum @ self.spectrum))
-
     def row(self) -> dict[str, Any]:
         """For a table or JSON."""
         seen = {f"filter {name}": values for name, values in self.filters.items()}

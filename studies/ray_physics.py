@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from studies.bench import MODES
 from tmca.cameras import LightFieldCamera, SpectralCamera
-from tmca.lab.calibration.psf import MODES
-from tmca.lab.frames import Array
 from tmca.optics import PhaseMaskBench
 
+Array = NDArray[np.float64]
 _INSTANTS = 4000
 
 

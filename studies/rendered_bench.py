@@ -5,17 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 import torch
+import xarray as xr
 
-from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.data import atomic_path, label, write_dataset, write_json
-from tmca.errors import SettingError, check_choice, check_range
-from tmca.lab.calibration.bench_physics import (
+from studies.bench import (
+    CODES_DATE,
+    MODES,
+    Calibration,
+    StepSettings,
+    calibration_patterns,
+    measure_all,
+    moved,
+    nominal_matrix,
+    now,
+    write_frames,
+    zernike_modes,
+)
+from studies.ray_physics import (
     REFERENCE,
+    Array,
     BenchTruth,
     glass_shift,
     light_field_light,
@@ -26,18 +38,10 @@ from tmca.lab.calibration.bench_physics import (
     spectral_light,
     white_power,
 )
-from tmca.lab.calibration.captures import calibration_patterns
-from tmca.lab.calibration.pattern_image import moved
-from tmca.lab.calibration.psf import MODES
-from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.frames import Array, write_frames
-from tmca.lab.notes import CODES_DATE, now
+from tmca.cameras import Camera, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.data import atomic_path, label, write_dataset, write_json
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import PhaseMaskBench
-from tmca.optics.zernike import zernike_modes
-
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 NAME = "rendered"
 WAVES: Array = np.arange(400.0, 701.0, 25.0) * 1e-9
@@ -202,41 +206,6 @@ def raw_snapshot(camera: Camera, truth: BenchTruth, shares: Array, rng: Any, sce
     return Snapshot(torch.from_numpy(recorded)[None], camera, notes)
 
 
-def write_captures(folder: Path, camera: Any, truth: BenchTruth, scenes: Mapping[str, xr.DataArray], seed: int) -> None:
-    """Write ``NAME.nc``, a raw snapshot, and ``NAME_truth.nc`` of every scene.
-
-    Args:
-        folder: to write into.
-        camera: the nominal one.
-        truth: of the bench.
-        scenes: by name: cubes (wavelength, y, x) or light fields (view_v, view_u, y, x) at the camera's bands or views
-            and size.
-        seed: of the noise, together with the name.
-
-    Raises:
-        SettingError: a scene of another size.
-    """
-    if scenes:
-        folder.mkdir()
-    for name, scene in scenes.items():
-        captured(camera, truth, scene, name, seed).save(folder / f"{name}.nc")
-        write_dataset(scene.to_dataset(name="radiance" if "wavelength" in scene.dims else "light_field"),
-                      folder / f"{name}_truth.nc")  # fmt: skip
-
-
-def captured(camera: Any, truth: BenchTruth, scene: xr.DataArray, name: str, seed: int) -> Snapshot[Any]:
-    """The raw snapshot of a scene; arguments as of ``write_captures``."""
-    values = np.asarray(scene.values, dtype=np.float64)
-    if values.shape != tuple(camera.scene_shape):
-        found, wanted = ("×".join(map(str, n)) for n in (values.shape, camera.scene_shape))
-        raise SettingError(name, f"a scene of {found}", f"{wanted} (bands or views, rows, columns)")
-    if camera.kind not in _LIGHT:
-        raise SettingError("scenes", f"some for a {camera.kind} bench", "none", "leave them out")
-    rng = np.random.default_rng((seed, crc32(name.encode())))
-    return raw_snapshot(camera, truth, _LIGHT[camera.kind](camera, truth, values)[None], rng, name)
-
-
-_LIGHT: dict[str, Any] = {"spectral": spectral_light, "light-field": light_field_light}
 _BENCHES = {"spectral": spectral_bench, "light-field": light_field_bench, "spectral-depth": spectral_depth_bench}
 
 
@@ -248,7 +217,6 @@ def write_bench(
     slots: int = 4,
     snr_db: float = 40.0,
     seed: int = 0,
-    scenes: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Write a bench's captures, a snapshot of it and its truth; whole or not at all.
@@ -265,8 +233,6 @@ def write_bench(
         snr_db: of captures of patterns and points, root mean square over noise; other frames and the snapshot have
             the read and shot noise of the sensor.
         seed: of truth, codes and noise.
-        scenes: by name, at the camera's bands and size, whose captures are wanted too: ``captures/NAME.nc`` beside
-            ``captures/NAME_truth.nc``.
         overwrite: replace the folder.
 
     Returns:
@@ -291,7 +257,6 @@ def write_bench(
         snapshot.save(place / "snapshot.nc")
         write_dataset(scene, place / "scene.nc")
         write_json(about, place / "truth.json")
-        write_captures(place / "captures", snapshot.camera, truth, scenes or {}, seed)
     return about
 
 
@@ -310,3 +275,33 @@ def stated(truth: BenchTruth) -> dict[str, Any]:
 def _power_table() -> str:
     rows = [f"{w * 1e9:g},{p:.6g}" for w, p in zip(WAVES, white_power(WAVES), strict=True)]
     return "\n".join(["wavelength_nm,power", *rows]) + "\n"
+
+
+def capture_scenes(
+    folder: Path, size: tuple[int, int], slots: int, seed: int, scenes: Mapping[str, xr.DataArray]
+) -> None:
+    """Write ``NAME.nc``, a raw snapshot of the spectral rendered bench, and ``NAME_truth.nc`` of every scene.
+
+    Args:
+        folder: to make.
+        size: (H, W) of the bench's scenes.
+        slots: of its codes.
+        seed: of its truth and codes; with the name, of the noise.
+        scenes: cubes (wavelength, y, x) at the camera's bands and size, by name.
+    """
+    camera = nominal_spectral(size, slots, seed)
+    truth = spectral_truth(camera, seed)
+    with atomic_path(folder) as place:
+        place.mkdir()
+        for name, scene in scenes.items():
+            light = spectral_light(camera, truth, np.asarray(scene.values, dtype=np.float64))
+            rng = np.random.default_rng((seed, crc32(name.encode())))
+            raw_snapshot(camera, truth, light[None], rng, name).save(place / f"{name}.nc")
+            write_dataset(scene.to_dataset(name="radiance"), place / f"{name}_truth.nc")
+
+
+def calibrate_bench(folder: Path) -> Calibration:
+    """Every step of a rendered bench, as ``tmca calibrate all`` measures them."""
+    told = StepSettings(wavelength=REFERENCE, camera=folder / "snapshot.nc")
+    *_, (_, found) = measure_all(folder, Calibration.empty(NAME), told)
+    return found
