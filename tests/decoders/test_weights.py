@@ -209,7 +209,7 @@ def with_head(path, change):
 @pytest.mark.parametrize("prior", ["/etc/hostname", "../prior.nc", "..", "sub/prior.nc", "..\\prior.nc"])
 def test_the_prior_of_weights_is_a_file_beside_them(tmp_path, prior):
     path = with_head(tmp_path / "w.safetensors", lambda about: about.update(prior=prior))
-    with pytest.raises(DataError, match="the name of a file beside the weights"):
+    with pytest.raises(DataError, match="the name of a file beside it"):
         Weights.load(path)
 
 
