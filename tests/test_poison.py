@@ -293,7 +293,7 @@ def test_paths_of_a_manifest_stay_inside(shown, tmp_path, path, entry):
     assert "inside its folder" in refused(lambda file: read_export(file.parent), folder / NAME, DataError)
 
 
-@pytest.mark.parametrize("path", OUTSIDE)
+@pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
 def test_frames_of_a_capture_lie_beside_its_list(tmp_path, path):
     import json
 
@@ -308,7 +308,7 @@ def test_frames_of_a_capture_lie_beside_its_list(tmp_path, path):
     assert "beside it" in refused(lambda one: read_captures(one.parent), file, DataError)
 
 
-@pytest.mark.parametrize("path", [path for path in OUTSIDE if path])
+@pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
 def test_the_prior_of_weights_lies_beside_them(tmp_path, path):
     import json
 

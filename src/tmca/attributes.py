@@ -64,7 +64,7 @@ NamedJson = dict[str, FiniteJson]
 
 
 def _beside(name: str) -> str:
-    if name in ("", ".", "..") or "/" in name or "\\" in name or "\0" in name:
+    if name in (".", "..") or "/" in name or "\\" in name or "\0" in name:
         raise ValueError("the name of a file beside it: copy it there")
     return name
 

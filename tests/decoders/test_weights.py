@@ -187,7 +187,7 @@ FRAME = {"size": "[60000, 60000]", "period": "[4, 4]"}
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        *((lambda about, prior=prior: about.update(prior=prior), "the name of a file beside the weights")
+        *((lambda about, prior=prior: about.update(prior=prior), "the name of a file beside it")
           for prior in ("/etc/hostname", "../prior.nc", "..", "sub/prior.nc", "..\\prior.nc")),
         *((lambda about, own=own: about["network"]["settings"].update([own]), "do not fit") for own in LARGE.items()),
         (lambda about: about["camera"]["attrs"].update(FRAME), r"size = \[60000, 60000\]"),

@@ -185,6 +185,8 @@ class SpectralDepthApplication(Application):
             raise DataError(where, "radiance without wavelengths", "one along a coordinate wavelength", REMEDY)
         camera.wavelengths = tuple(radiance["wavelength"].values.tolist())
         camera.planes = attributes_of(_Planes, stored.attrs, where).depth_planes
+        if np.isfinite(camera.planes.far) and np.isinf(stored["depth"].values).any():
+            raise DataError(where, "an infinite depth", f"at most {camera.planes.far:g} m", REMEDY)
         return camera
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:

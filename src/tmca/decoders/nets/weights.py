@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 from warnings import warn
 
 import numpy as np
@@ -298,7 +298,7 @@ class _WeightsAttributes(Attributes):
     application: str = "spectral"
     wavelengths: tuple[float, ...] = ()
     camera: dict[str, FiniteJson]
-    prior: Beside | Literal[""]
+    prior: Beside
     """A file beside the weights, the prior of the rendered scenes, or none."""
     card: dict[str, JsonValue]
 
