@@ -22,9 +22,9 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.decoders import PatchLikelihood
 from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import TwoHeadedNetwork
+from tmca.operators.window_moments import WINDOW, needed_block
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import WINDOW, needed_block
 from tmca.sensor import Sensor
 
 Result = TypeVar("Result")

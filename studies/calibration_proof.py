@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -13,17 +13,9 @@ import torch
 from numpy.typing import ArrayLike, NDArray
 
 import tmca
-from studies.bench import (
-    DEPTH,
-    REFERENCE,
-    WAVES,
-    Calibration,
-    MeasuredDispersion,
-    calibrate_bench,
-    calibrated_snapshot,
-    wavefront_rms,
-    write_bench,
-)
+from studies.bench import Calibration, MeasuredDispersion, calibrated_snapshot, wavefront_rms
+from studies.ray_physics import REFERENCE
+from studies.rendered_bench import DEPTH, WAVES, calibrate_bench, write_bench
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.data import read_dataset
 from tmca.errors import check_range
@@ -276,7 +268,9 @@ def true_calibration(calibration: Calibration, truth: Truth) -> Calibration:
     for name in [name for name in parts if name.startswith("wavefront")]:
         own = truth["coefficients"][int(name.removeprefix("wavefront"))]
         parts[name] = replace(parts[name], coefficients=np.asarray(own))
-    return Calibration(parts, calibration.about, calibration.path)
+    true = Calibration(parts, calibration.about, calibration.path)
+    # without the settings of the fit, which know the leakage of the mask as it was measured
+    return true.with_part("timing", parts["timing"], {}) if "timing" in parts else true
 
 
 def _without_leaks(calibration: Calibration) -> Calibration:
@@ -307,3 +301,17 @@ def _explained(taken: Snapshot[Any], scene: Array) -> float:
 def reconstructions_figure(proof: Proof) -> Figure:
     """Truth and the reconstructions of the first spectral bench."""
     return reconstruction_figure(proof.cubes, list(proof.wavelengths), proof.scene)
+
+
+def table_of(results: Mapping[str, Any]) -> str:
+    """A line per quantity with its bound, then the reconstructions."""
+    lines = [f"{'worst of ' + str(results['seeds']) + ' benches':<44} {'error':>10} {'bound':>8}"]
+    for row in results["errors"]:
+        bound = "" if row["bound"] is None else f"{row['bound']:g}"
+        mark = "" if row["bound"] is None or row["error"] <= row["bound"] else "  missed"
+        lines.append(f"{row['quantity'] + ' (' + row['unit'] + ')':<44} {row['error']:>10.4g} {bound:>8}{mark}")
+    lines.append(f"\n{'camera':<16}{'operator':<30} {'PSNR (dB)':>10} {'snapshot explained (dB)':>25}")
+    for row in results["reconstruction"]:
+        psnr = "" if row["psnr"] is None else f"{row['psnr']:.2f}"
+        lines.append(f"{row['camera']:<16}{row['operator']:<30} {psnr:>10} {row['explained']:>25.1f}")
+    return "\n".join(lines)

@@ -21,15 +21,13 @@ import numpy as np
 
 from studies.bench import (
     Calibration,
-    calibrate_bench,
     find_calibration,
     load_calibration,
     measured_sensor,
-    nominal_spectral,
     training_of,
-    write_bench,
 )
 from studies.grid import repository_commit
+from studies.rendered_bench import calibrate_bench, capture_scenes, nominal_spectral, write_bench
 from studies.tables import Column, table, write_results
 from tmca.cameras import CodedCamera, Snapshot
 from tmca.data import at_bands, load_scene, read_split
@@ -160,7 +158,9 @@ class TuningProof:
         folder, prefix = self.work / "bench", self.work / "calibration"
         if not folder.exists():
             self.work.mkdir(parents=True, exist_ok=True)
-            write_bench(folder, size=self.size, slots=self.slots, seed=self.seed, scenes=scenes)
+            write_bench(folder, size=self.size, slots=self.slots, seed=self.seed)
+        if not (folder / "captures").exists():
+            capture_scenes(folder / "captures", self.size, self.slots, self.seed, scenes)
         if not any(self.work.glob("calibration_*.nc")):
             calibrate_bench(folder).save(prefix)
         return load_calibration(find_calibration(prefix))

@@ -4,22 +4,60 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import pytest
 import torch
 
+_LONGEST = ("test_kill_table.py", "test_readme.py")
+_APART = ("test_readme.py", "test_every_decoder.py")
+"""Files of long tests that share nothing."""
+_PROVOKED = ("tmca.optics.StrayLight", "tmca.optics.Undersampled", "tmca.lab.quality.Doubtful")
+"""Warnings of masks of few pixels and of short captures, which tests use everywhere; those of them ask for them by
+``pytest.warns``, those of the command line read its lines."""
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The README's tour, minutes in one test, comes first: no worker waits for it at the end."""
-    items.sort(key=lambda item: "test_readme" not in item.nodeid)
+    """Files with slow tests come first, the longest before all: no worker waits for another at the end."""
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: (item.path.name not in _LONGEST, item.path not in slow))
+    ignored = pytest.mark.filterwarnings(*(f"ignore::{name}" for name in _PROVOKED))
+    for item in items:
+        if item.path.parent.name != "cli":
+            item.add_marker(ignored, append=False)  # before the test's own, which have the last word
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """A worker takes the tests of a file one after the other: what they share is made once."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByFile(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = nodeid.partition("::")[0]
+            return nodeid if file.endswith(_APART) else file
+
+    config.option.loadscopereorder = False
+    return ByFile(config, log)
 
 
 @pytest.fixture(autouse=True)
 def seeded() -> None:
     """Every test draws the same numbers whichever ran before it."""
     torch.manual_seed(0)
+
+
+@pytest.fixture
+def small_mixtures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mixtures of few kinds, learned in a moment, where it does not matter how good they are."""
+    from tmca.priors import GaussianMixturePrior
+
+    few = {"kinds": 3, "rank": 20, "gains": 2, "samples": 2000}
+    monkeypatch.setattr(GaussianMixturePrior, "settings_of_views", few)
+    for name, value in few.items():
+        monkeypatch.setitem(GaussianMixturePrior.learn.__func__.__kwdefaults__, name, value)
 
 
 @pytest.fixture(scope="session")

@@ -11,9 +11,11 @@ SOURCE = Path(__file__).parents[1] / "src" / "tmca"
 FLOORS = {
     "errors": 0,
     "arguments": 0.2,
+    "text_files": 0.2,
     "attributes": 0.3,
     "yaml_loader": 0.3,
     "yaml_files": 0.4,
+    "stored_numbers": 0.4,
     "specs": 0.5,
     "data": 1,
     "metrics": 1,
@@ -37,7 +39,7 @@ FLOORS = {
     "viewer": 10,
 }
 ALONE = {
-    "data": {"errors", "arguments", "attributes"},
+    "data": {"errors", "arguments", "attributes", "text_files"},
     "metrics": {"errors", "arguments"},
     "plots": {"errors", "data", "metrics"},
     "dbd": {"errors", "attributes", "yaml_files", "data"},

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
 from tmca.training import TRAININGS
 
@@ -20,11 +18,6 @@ def test_the_tests_that_hold_an_erratum_are_there():
             text = "".join((ROOT / file).read_text() for file in files)
             for name in re.findall(r"`(test_\w+)`", row):
                 assert f"def {name}(" in text, row
-
-
-@pytest.mark.parametrize("where", ["(6)", "(10)", "(11), (13)", "(12)", "(13)", "3, mask array", "3, pseudo-inverse"])
-def test_every_erratum_of_the_light_field_has_a_row(where):
-    assert f"\n| {where} |" in ERRATA
 
 
 def test_every_preset_of_the_light_field_is_described():

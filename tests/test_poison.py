@@ -145,16 +145,6 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path, marker, name):
     refused(read_array, tmp_path / name)
 
 
-@pytest.mark.parametrize("kind", ["device", "prototype"])
-def test_yaml_names_no_python(tmp_path, marker, kind):
-    from tmca.lab.display.devices import device_named
-    from tmca.lab.prototype import load_prototype
-
-    path = tmp_path / "described.yaml"
-    path.write_text(f"name: !!python/object/apply:os.mkdir ['{marker}']\n")
-    refused({"device": device_named, "prototype": load_prototype}[kind], path)
-
-
 def test_codecs_of_zarr_are_not_imported(tmp_path, marker):
     import json
 
@@ -174,19 +164,62 @@ def test_codecs_of_zarr_are_not_imported(tmp_path, marker):
     refused(read, folder)
 
 
-def test_hdf5_links_lead_nowhere_else(tmp_path):
+def in_another_file(folder, how):
+    """A file whose cube, of 0.25, lies in another one."""
     import h5py
+
+    with h5py.File(folder / "secret.h5", "w") as file:
+        file["cube"] = np.full((3, 4, 5), 0.25)
+    (folder / "raw").write_bytes(np.full((3, 4, 5), 0.25).tobytes())
+    (folder / "in").mkdir()
+    layout = h5py.VirtualLayout((3, 4, 5), "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "secret.h5"), "cube", (3, 4, 5))
+    with h5py.File(folder / "in" / "scene.h5", "w") as file:
+        file["wavelengths"] = [500.0, 550.0, 600.0]
+        if how == "a link":
+            file["cube"] = h5py.ExternalLink("../secret.h5", "cube")
+        elif how == "virtual":
+            file.create_virtual_dataset("cube", layout)
+        else:
+            file.create_dataset("cube", (3, 4, 5), "f8", external=[(str(folder / "raw"), 0, h5py.h5f.UNLIMITED)])
+    return folder / "in" / "scene.h5"
+
+
+@pytest.mark.parametrize("how", ["a link", "virtual", "external storage"])
+@pytest.mark.parametrize("suffix", [".h5", ".mat", ".nc"])
+def test_hdf5_files_take_no_numbers_from_others(tmp_path, how, suffix):
+    from tmca.data import describe, read
+
+    path = in_another_file(tmp_path, how).rename(tmp_path / "in" / f"scene{suffix}")
+    assert "in another file" in refused(read, path, DataError)
+    assert "in another file" in refused(describe, path, DataError)
+
+
+@pytest.mark.parametrize("how", ["a link", "virtual", "external storage"])
+def test_labelled_files_take_no_numbers_from_others(tmp_path, how):
+    from tmca.data.files import read_dataset
+    from tmca.lab.calibration.file import load_calibration
+
+    path = in_another_file(tmp_path, how).rename(tmp_path / "in" / "taken.nc")
+    assert "in another file" in refused(read_dataset, path, DataError)
+    assert "in another file" in refused(load_calibration, path, DataError)
+
+
+@pytest.mark.parametrize("kind", ["object", "cells"])
+def test_objects_of_matlab_are_no_cubes(tmp_path, marker, kind):
+    from scipy.io import savemat
+    from scipy.io.matlab import MatlabObject
 
     from tmca.data import read
 
-    with h5py.File(tmp_path / "secret.h5", "w") as file:
-        file["cube"] = np.full((3, 4, 5), 0.25)
-        file["wavelengths"] = [500.0, 550.0, 600.0]
-    (tmp_path / "in").mkdir()
-    with h5py.File(tmp_path / "in" / "scene.h5", "w") as file:
-        file["cube"] = h5py.ExternalLink("../secret.h5", "cube")
-        file["wavelengths"] = [500.0, 550.0, 600.0]
-    refused(read, tmp_path / "in" / "scene.h5")
+    said = np.array([(f"system('mkdir {marker}')",)], dtype=[("expr", object)])
+    stored = {
+        "object": MatlabObject(said, "inline"),
+        "cells": np.array([pickle.dumps(Bomb(marker)), f"mkdir {marker}"], dtype=object),
+    }[kind]
+    path = tmp_path / "scene.mat"
+    savemat(path, {"cube": stored})
+    refused(read, path, DataError)
 
 
 def test_entities_of_xml_are_not_expanded(tmp_path):
@@ -211,3 +244,82 @@ def test_the_state_of_a_training_is_not_unpickled(tmp_path, marker):
     (path / _TENSORS).write_bytes(pickle.dumps(Bomb(marker)))
     optimizers = {"network": torch.optim.Adam(network.parameters())}
     refused(lambda _: load_latest(path.parent, network, optimizers), path)
+
+
+def test_tensors_of_onnx_lie_in_no_other_file(tmp_path):
+    onnx = pytest.importorskip("onnx")
+    pytest.importorskip("onnxruntime")
+    (tmp_path / "secret").write_bytes(np.full(4, 0.25, np.float32).tobytes())
+    (tmp_path / "in").mkdir()
+    weights = onnx.numpy_helper.from_array(np.zeros(4, np.float32), "weights")
+    onnx.external_data_helper.set_external_data(weights, "../secret")
+    weights.ClearField("raw_data")
+    weights.data_location = onnx.TensorProto.EXTERNAL
+    taken, out = (onnx.helper.make_tensor_value_info(name, 1, [4]) for name in ("snapshot", "out"))
+    add = onnx.helper.make_node("Add", ["snapshot", "weights"], ["out"])
+    model = onnx.helper.make_model(onnx.helper.make_graph([add], "decoder", [taken], [out], [weights]))
+    path = tmp_path / "in" / "decoder.onnx"
+    path.write_bytes(model.SerializeToString())
+    assert "other files" in refused(load_exported, path, DataError)
+
+
+OUTSIDE = ["../secret.png", "/etc/passwd", "a/../../secret.png", "..", "a\\..\\..\\secret.png", "C:/secret.png", ""]
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A good export."""
+    from tests.fuzz.kinds_lab import _export
+
+    _export(tmp_path_factory.mktemp("shown") / "export")
+    return next(tmp_path_factory.getbasetemp().glob("shown*/export"))
+
+
+@pytest.mark.parametrize("path", OUTSIDE)
+@pytest.mark.parametrize("entry", ["a frame", "a response"])
+def test_paths_of_a_manifest_stay_inside(shown, tmp_path, path, entry):
+    import json
+    import shutil
+
+    from tmca.lab.display.manifest import NAME, read_export
+
+    folder = shutil.copytree(shown, tmp_path / "export")
+    about = json.loads((folder / NAME).read_text())
+    if entry == "a frame":
+        about["planes"][0]["frames"][0]["file"] = path
+    else:
+        about["planes"][0]["device"]["lut"] = path
+    (folder / NAME).write_text(json.dumps(about))
+    assert "inside its folder" in refused(lambda file: read_export(file.parent), folder / NAME, DataError)
+
+
+@pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
+def test_frames_of_a_capture_lie_beside_its_list(tmp_path, path):
+    import json
+
+    from tests.fuzz.kinds_lab import _capture
+    from tmca.lab.acquisition.captures import read_captures
+
+    _capture(tmp_path / "capture")
+    file = tmp_path / "capture" / "captures.json"
+    record = json.loads(file.read_text())
+    record["frames"][path] = record["frames"]["slot_000"]
+    file.write_text(json.dumps(record))
+    assert "beside it" in refused(lambda one: read_captures(one.parent), file, DataError)
+
+
+@pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
+def test_the_prior_of_weights_lies_beside_them(tmp_path, path):
+    import json
+
+    from safetensors import safe_open
+    from safetensors.torch import load_file, save_file
+
+    from tmca.decoders import Weights
+
+    file = written_weights(tmp_path, kind="unet")
+    with safe_open(file, "pt") as opened:
+        head = opened.metadata()
+    said = json.loads(head["tmca"]) | {"prior": path}
+    save_file(load_file(file), file, head | {"tmca": json.dumps(said)})
+    assert "beside it" in refused(Weights.load, file, DataError)

@@ -12,7 +12,8 @@ from tmca.cli import main
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text()
-BASH = [line.strip() for block in re.findall(r"```bash\n(.*?)```", TEXT, re.S) for line in block.splitlines() if line]
+PARTS = [block.splitlines() for block in re.findall(r"```bash\n(.*?)```", TEXT, re.S)]
+BASH = [line for part in PARTS for line in part]
 SMALL = {"spectral": "24x32", "light-field": "20x24", "spectral-depth": "48x64"}
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
 
@@ -26,18 +27,38 @@ def test_the_tour_has_commands():
     assert len(PYTHON) >= 1
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("tour")
+def written_by(line):
+    """Name after ``--out``, of a file or, with or without a suffix, a folder."""
+    named = re.search(r"--out (\S+)", line)
+    return named and named[1]
+
+
+def with_what_it_reads(part):
+    """The lines of a part of the tour, after those of the parts before that make what these read."""
+    lines = list(part)
+    for line in reversed(BASH[: BASH.index(part[0])]):
+        made = written_by(line)
+        read = [word for one in lines for word in one.split() if one != line]
+        if made and any(word == made or word.startswith((f"{made}/", f"{made}.")) for word in read):
+            lines.insert(0, line)
+    return lines
+
+
+def test_parts_of_the_tour_start_from_what_they_read():
+    assert with_what_it_reads(PARTS[0]) == PARTS[0]
+    made = {written_by(line) for part in PARTS for line in with_what_it_reads(part)[: -len(part)]}
+    assert {"coffee_snapshot.nc", "patterns", "captured"} <= made
 
 
 @pytest.mark.slow
-def test_the_tour_runs_in_its_order(folder):
-    for line in BASH:
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: "-".join(part[0].split()[1:3]))
+def test_the_tour_runs_in_its_order(part, tmp_path, monkeypatch):
+    """Part by part, each in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    for line in with_what_it_reads(part):
         words = shlex.split(line)
         assert words[0] == "tmca", line
-        done = run([sys.executable, "-m", "tmca", *words[1:]], folder)
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        main(words[1:])
 
 
 def first_of(camera):

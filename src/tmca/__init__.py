@@ -15,9 +15,12 @@ True
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False
+"""As that of `typing`, which takes longer to import than all that is here."""
 if TYPE_CHECKING:
+    from typing import Any
+
     from tmca.applications import evaluate, simulate
     from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
     from tmca.data import read_scene as read

@@ -1,18 +1,22 @@
-"""Arguments as their annotations say: what a public call takes is declared once, in its signature."""
+"""Arguments as their annotations say: what a public call takes is declared once, in its signature.
+
+So are the parts of which cameras are made anew, and the settings of decoders, fields of a data class.
+"""
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import partial, wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature, getdoc, signature
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, ShapeError, check_choice
 
 T = TypeVar("T")
 _LONGEST, _REASON = 60, 200
@@ -156,3 +160,144 @@ def reason(error: BaseException) -> str:
     """What an error of a library says, cut where it goes on."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= _REASON else f"{text[:_REASON]}…"
+
+
+class FromArguments:
+    """A camera that knows the arguments of its constructor, and makes others of them: of presets, and of other parts.
+
+    ``_given`` are those that it was made of.
+    """
+
+    kind: ClassVar[str]
+    presets: ClassVar[Mapping[str, Mapping[str, Any]]] = {}  # arguments of the constructor
+    drawn: ClassVar[Mapping[str, tuple[str, ...]]] = {}  # arguments that only families of some parts have
+    unbound: frozenset[str]  # arguments that a scene gives where they are left out
+    _given: dict[str, Any]
+
+    def __new__(cls, *arguments: Any, **named: Any) -> Self:
+        camera = super().__new__(cls)
+        camera._given = {**dict(zip(cls._arguments(), arguments, strict=False)), **named}
+        return camera
+
+    @classmethod
+    def from_preset(cls, name: str, **changes: Any) -> Self:
+        """A named camera of ``presets``; ``changes`` replace its arguments."""
+        return cls(**{**cls.preset(name), **changes})
+
+    @classmethod
+    def preset(cls, name: str) -> dict[str, Any]:
+        """Arguments of a named camera of ``presets``."""
+        check_choice("preset", name, cls.presets)
+        return dict(cls.presets[name])
+
+    def replace(self, **parts: Any) -> Self:
+        """The camera with other parts: arguments of its constructor, modules among them. The first stays as it is.
+
+        What the parts do not describe anew (codes, sensor, response) is shared.
+
+        Raises:
+            SettingError, ShapeError: no part of it, one that does not fit the others, or one that would change nothing:
+                the seed of codes that came from a file.
+        """
+        self._check_parts(parts)
+        try:
+            return self._with(parts)
+        except (SettingError, ShapeError) as error:
+            if error.where in parts or error.where not in self._arguments():
+                raise
+            raise type(error)(error.where, error.found, error.expected, f"replace {error.where} too") from error
+
+    def _check_parts(self, parts: Mapping[str, Any]) -> None:
+        described = self._described(parts)
+        for name in parts:
+            if name not in self._arguments():
+                raise SettingError(name, "a part", f"one of {', '.join(self._arguments())}, for a {self.kind} camera")
+            families = self.drawn.get(name, ())
+            if families and not any(isinstance(described.get(part, ""), str) for part in families):
+                found = f"{parts[name]} for {' and '.join(families)} that are given, not drawn"
+                raise SettingError(name, found, "a named family", f"replace {' or '.join(families)} too")
+
+    def _described(self, parts: Mapping[str, Any]) -> dict[str, Any]:
+        """What a camera with other parts is made of."""
+        return {**self._given, **parts}
+
+    def _outdated(self, parts: Mapping[str, Any]) -> set[str]:
+        """Arguments that mean nothing beside other parts."""
+        return set()
+
+    def _with(self, parts: Mapping[str, Any]) -> Self:
+        shared = {name: part for name, part in self._shared(set(parts)).items() if name not in parts}
+        given = {name: part for name, part in self._given.items() if name not in self._outdated(parts)}
+        camera = type(self)(**{**given, **shared, **parts})
+        described = {name: part for name, part in self._given.items() if name in shared}
+        camera._given = {**{n: part for n, part in camera._given.items() if n not in shared}, **described}
+        return camera
+
+    def bound_to(self, **parts: Any) -> Self:
+        """The camera with what its constructor left out (``unbound``: size, bands, views) taken from ``parts``."""
+        missing = {name: value for name, value in parts.items() if name in self.unbound}
+        return self._with(missing) if missing else self
+
+    @classmethod
+    def _arguments(cls) -> tuple[str, ...]:
+        """Names of the arguments of the constructor."""
+        return tuple(signature(cls.__init__).parameters)[1:]
+
+    def _shared(self, parts: set[str]) -> dict[str, Any]:
+        """Arguments that a camera with other parts takes over as they are now, not as they were given."""
+        return {}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a decoder, as commands and documents show it."""
+
+    name: str
+    type: str
+    default: Any
+    help: str
+
+
+def settings_of(decoder: type[Any]) -> list[Setting]:
+    """The fields of a decoder, with what its docstring's ``Args`` say of them."""
+    texts = _helps(getdoc(decoder) or "")
+    defaults = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in fields(decoder)}
+    return [
+        Setting(f.name, getattr(f.type, "__name__", str(f.type)), defaults[f.name], texts.get(f.name, ""))
+        for f in fields(decoder)
+    ]
+
+
+def _helps(text: str) -> dict[str, str]:
+    """Name → help of the section ``Args:`` of a docstring."""
+    section = re.search(r"^Args:\n((?:    .*\n?|\n)+)", text, re.MULTILINE)
+    entries = re.findall(r"^    (\w+): ((?:.*\n?)(?:^        .*\n?)*)", section[1] if section else "", re.MULTILINE)
+    return {name: " ".join(words.split()) for name, words in entries}
+
+
+def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: bool = False) -> dict[str, Any]:
+    """Settings of a decoder, each a value of its type.
+
+    Args:
+        decoder: a subclass of ``Decoder``.
+        given: values by name; ``{"tv_weight": "0.01"}`` where they are ``texts``.
+        texts: whether the values are read from words.
+
+    Raises:
+        SettingError: a setting that the decoder does not have, or a value of another type.
+    """
+    settings, types = {setting.name: setting for setting in settings_of(decoder)}, get_type_hints(decoder)
+    checked: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in settings:
+            found = f"a setting of {decoder.name}" if value is None else f"{value} for {decoder.name}"
+            remedy = "put @dataclass above its class" if name in vars(decoder) else "leave it out"
+            raise SettingError(name, found, f"one of {', '.join(settings)}" if settings else "no settings", remedy)
+        adapter = TypeAdapter[Any](types[name], config=ConfigDict(arbitrary_types_allowed=True))
+        try:
+            checked[name] = adapter.validate_strings(value) if texts else adapter.validate_python(value)
+        except ValidationError:
+            raise SettingError(name, repr(value), settings[name].type) from None
+        if not texts and isinstance(value, str) and isinstance(checked[name], int | float):
+            raise SettingError(name, repr(value), settings[name].type, "give a number, not a text")
+    return checked

@@ -12,10 +12,9 @@ from pydantic_core import ErrorDetails, to_json
 
 from tmca.arguments import described
 from tmca.errors import DataError, TmcaError
+from tmca.text_files import read_text
 
 A = TypeVar("A", bound="Attributes")
-LONGEST = 64 * 2**20
-"""Bytes of a JSON file; ours are below a megabyte."""
 _NAME = 80
 """Characters of the name of an entry in a message."""
 REMEDY = "take an unchanged copy, or correct it"
@@ -60,8 +59,27 @@ def finite(value: Any) -> Any:
 
 FiniteJson = Annotated[JsonValue, AfterValidator(finite)]
 """Any JSON without NaN and infinity."""
+NamedJson = dict[str, FiniteJson]
+"""Names with such values."""
 
 
+def _beside(name: str) -> str:
+    if name in (".", "..") or "/" in name or "\\" in name or "\0" in name:
+        raise ValueError("the name of a file beside it: copy it there")
+    return name
+
+
+def _inside(path: str) -> str:
+    parts = path.split("/")
+    if not all(parts) or {".", ".."} & set(parts) or "\\" in path or ":" in path or "\0" in path:
+        raise ValueError("a path inside its folder")
+    return path
+
+
+Beside = Annotated[str, AfterValidator(_beside)]
+"""Name of another file in the same folder, and no way to another one."""
+Inside = Annotated[str, AfterValidator(_inside)]
+"""Path of another file in the same folder or in those within it."""
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 """Of a data class that files state whole: its types, finite, and no other names."""
 
@@ -119,27 +137,21 @@ def json_of(text: str | bytes, where: object, kind: Any = FiniteJson) -> Any:
         raise _data_error(error, where, "entry") from None
 
 
-def read_json(path: str | Path, kind: Any = FiniteJson, missing: str = "an existing file") -> Any:
+def read_json(
+    path: str | Path, kind: Any = FiniteJson, expected: str = "a JSON file", missing: str = "check the path"
+) -> Any:
     """What a JSON file says.
 
     Args:
         path: the file.
         kind: its type: a model, or any type that pydantic knows.
-        missing: what is expected where there is none.
+        expected: what it should hold, for the message.
+        missing: what to do where there is none.
 
     Raises:
         DataError: no such file, above 64 MB, no JSON, a number that is not finite, or other than the type.
     """
-    path = Path(path)
-    try:
-        if (size := path.stat().st_size) > LONGEST:
-            raise DataError(path, f"{size / 2**20:.0f} MB", f"JSON of at most {LONGEST // 2**20} MB")
-        text = path.read_bytes()
-    except FileNotFoundError:
-        raise DataError(path, "no such file", missing, "check the path") from None
-    except OSError as error:
-        raise DataError(path, f"a file that cannot be read ({error.strerror})", "a JSON file") from None
-    return json_of(text.removeprefix(b"\xef\xbb\xbf"), path, kind)
+    return json_of(read_text(path, expected, missing=missing), path, kind)
 
 
 def _data_error(error: ValueError, where: object, what: str) -> DataError:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.errors import DataError
+from tmca.text_files import read_text
 
 LARGEST = 2**20
 """Bytes of a file; ours are below 20 kB."""
@@ -25,7 +26,7 @@ def read_yaml(file: str | Path, expected: str) -> dict[str, Any]:
 
     file = Path(file)
     try:
-        values = parsed_yaml(_text(file, expected))
+        values = parsed_yaml(read_text(file, expected, longest=LARGEST))
     except yaml.YAMLError as error:
         raise DataError(file, f"no readable YAML ({_where(error)})", expected) from None
     if not isinstance(values, dict):
@@ -44,29 +45,8 @@ def parsed_yaml(text: str) -> Any:
 
     from tmca.yaml_loader import SettingsLoader
 
-    return yaml.load(text, SettingsLoader)  # noqa: S506 # nosec B506: a safe loader with bounds
-
-
-def _text(file: Path, expected: str) -> str:
-    try:
-        if file.exists() and not file.is_file():
-            raise DataError(file, "a folder" if file.is_dir() else "no regular file", expected)
-        if (size := file.stat().st_size) > LARGEST:
-            raise DataError(file, f"{size / 2**20:.0f} MB", f"{expected}, of at most {LARGEST // 2**20} MB")
-        data = file.read_bytes()
-    except FileNotFoundError:
-        raise DataError(file, "no such file", expected, "check the path") from None
-    except (OSError, ValueError) as error:
-        raise DataError(file, f"a file that cannot be read ({error})", expected) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = "\0"
-    if "\0" in text:
-        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff") or b"\0" in data
-        encoding = "UTF-16 or binary data" if wide else "bytes that are not UTF-8 (Latin-1 perhaps)"
-        raise DataError(file, encoding, f"{expected}, as UTF-8 text", "save it as UTF-8")
-    return text
+    # a safe loader with bounds
+    return yaml.load(text, SettingsLoader)  # noqa: S506 # nosec B506
 
 
 def _where(error: Exception) -> str:

@@ -14,7 +14,7 @@ from typing import Any, NotRequired, TypedDict, cast
 import numpy as np
 
 from studies.grid import Settings, Timed, run_cells, source, timed
-from tmca.data import make_folder, sole_process
+from tmca.data import held_folder
 from tmca.dbd import (
     BASES,
     GRAMS,
@@ -270,7 +270,7 @@ def run_studies(
         for draw in each[:: study.draws]:
             draw.problem()  # says before the work what cannot be drawn
     cells = [asdict(draw) for each in draws for draw in each]
-    with sole_process(make_folder(work)):
+    with held_folder(work):
         measured = iter(run_cells(cells, one_draw, work, jobs=jobs, progress=timed(progress)))
     return [
         study.rows([cast(Measured, next(measured)) for _ in each]) for study, each in zip(studies, draws, strict=True)

@@ -107,18 +107,6 @@ def test_brighter_than_white_is_said():
     assert float(snapshot.values.max()) > 0
 
 
-def test_estimates_of_several_snapshots_are_evaluated_one_by_one():
-    several, one = estimated(2), tmca.evaluate(estimated(), CUBE)
-    assert tmca.evaluate(several.to_xarray().isel(snapshot=1), CUBE) == pytest.approx(one)
-
-
-def test_the_sheet_of_a_sensor_is_what_it_says():
-    from tmca.reports.cameras import _sheet
-
-    sensor = tmca.Sensor(full_well=1000, read_noise_electrons=2, bits=10)
-    assert _sheet(sensor).sensor().settings() == sensor.settings()
-
-
 def test_the_truth_of_another_scene_is_told(tmp_path):
     path = tmca.reconstruct(taken(), "tikhonov").save(tmp_path / "e.nc")
     CUBE.to_dataset(name="radiance").to_netcdf(tmp_path / "copy.nc", engine="h5netcdf")
@@ -143,3 +131,10 @@ def test_an_estimate_far_from_light_is_told():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tmca.evaluate(stored, CUBE)
+
+
+def test_the_sheet_of_a_sensor_is_what_it_says():
+    from tmca.reports.cameras import _sheet
+
+    sensor = tmca.Sensor(full_well=1000, read_noise_electrons=2, bits=10)
+    assert _sheet(sensor).sensor().settings() == sensor.settings()

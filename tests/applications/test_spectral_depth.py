@@ -7,7 +7,6 @@ import pytest
 import torch
 import xarray as xr
 
-from tests.data import rgbd_scenes
 from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.camera_figures import psf_figure
 from tmca.applications.pictures import estimate_pictures
@@ -17,12 +16,12 @@ from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
 from tmca.decoders import decode
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError
+from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.plots.cube import sample_points
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
 
 WAVES = (480e-9, 560e-9, 640e-9)
 SIZE = (36, 41)
@@ -61,14 +60,6 @@ def test_a_scene_comes_to_the_cameras_bands_size_and_range():
     assert float(scene["radiance"].mean()) == pytest.approx(float(whole.mean()), rel=0.5)
 
 
-def test_a_file_of_other_bands_comes_to_the_cameras_bands(tmp_path):
-    write_dataset(rendered_scene("coffee", size=(36, 41))[["radiance", "depth"]], tmp_path / "whole.nc")
-    scene = load_spectral_depth(str(tmp_path / "whole.nc"), WAVES, near=0.4, far=2.0)
-    assert scene["radiance"].sizes == {"wavelength": 3, "y": 36, "x": 41}
-    np.testing.assert_allclose(scene["wavelength"], WAVES)
-    assert bool(np.isfinite(scene["radiance"]).all())
-
-
 def test_metric_depth_is_kept_or_told_how_it_was_mapped(camera):
     true, fitted = scene_of(fitted=False), scene_of()
     whole = rendered_scene("coffee", wavelengths=WAVES)["depth"].values
@@ -82,13 +73,6 @@ def test_metric_depth_is_kept_or_told_how_it_was_mapped(camera):
     assert unmapped["unknown_depth_pixels"] == unmapped["unknown_outside"] == 3 * 41
 
 
-def test_spectra_of_held_out_scenes_are_of_other_materials(tmp_path):
-    stem = str(rgbd_scenes.open3d(tmp_path))
-    learned, held_out = (scene_of(stem, reduce=1, from_rgb=True, materials=half) for half in ("train", "test"))
-    assert (learned.attrs["materials"], held_out.attrs["materials"]) == ("train", "test")
-    assert np.abs(learned["radiance"].values - held_out["radiance"].values).max() > 0.01
-
-
 @pytest.mark.parametrize("how", [{"placed": "random"}, {"from_rgb": True}])
 def test_a_scene_with_spectra_and_depth_needs_no_others(how):
     with pytest.raises(DataError, match=rf"coffee.*leave --{next(iter(how)).replace('_', '-')} out"):
@@ -96,7 +80,6 @@ def test_a_scene_with_spectra_and_depth_needs_no_others(how):
 
 
 def test_a_cube_is_placed_and_its_bands_are_chosen(tmp_path):
-    from tmca.data import write_dataset
 
     waves = np.arange(400, 701, 20) * 1e-9
     values = np.random.default_rng(0).random((16, 40, 50)).astype(np.float32)
@@ -135,20 +118,6 @@ def test_unknown_depth_is_counted_and_left_out_of_the_metrics(camera, prior):
     assert np.isfinite(evaluate(decode(taken, prior=prior, window=8), scene)["depth_mae"])
 
 
-def test_an_unknown_decoder_is_refused(camera, prior):
-    taken = simulate(scene_of(), camera)
-    with pytest.raises(SettingError, match="likelihood"):
-        decode(taken, "magic", prior=prior)
-
-
-def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
-    cube = np.random.default_rng(0).random((3, 60, 80))
-    monkeypatch.setattr("tmca.plots.cube._LOOKED_AT", 1000)
-    coarse = sample_points(cube)  # 4800 pixels: every third
-    assert len(set(coarse)) == 3
-    assert coarse == [(3 * row, 3 * column) for row, column in sample_points(cube[:, ::3, ::3])]
-
-
 def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):
     taken = simulate(scene_of(), camera)
     with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
@@ -161,3 +130,11 @@ def test_the_truth_of_another_scene_is_told(tmp_path, camera, prior):
     with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
         other = evaluate(tmp_path / "found.nc", "rocket")
     assert same["psnr"] > other["psnr"]
+
+
+def test_points_of_a_large_picture_are_looked_for_on_a_coarser_grid(monkeypatch):
+    cube = np.random.default_rng(0).random((3, 60, 80))
+    monkeypatch.setattr("tmca.plots.cube._LOOKED_AT", 1000)
+    coarse = sample_points(cube)  # 4800 pixels: every third
+    assert len(set(coarse)) == 3
+    assert coarse == [(3 * row, 3 * column) for row, column in sample_points(cube[:, ::3, ::3])]

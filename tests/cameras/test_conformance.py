@@ -24,6 +24,27 @@ CAMERAS_UNDER_TEST = {
     "sheared light field": lambda **more: LightFieldCamera(
         **{"views": (3, 5), "size": (8, 9), "slots": 2, "shear": 0.4, "exposure": "per-slot", "period": 4, **more}
     ),
+    "two buckets": lambda **more: SpectralCamera(
+        **{"bands": 3, "size": (7, 10), "slots": 4, "shutter": "balanced", "buckets": 2, **more}
+    ),
+    "burst": lambda **more: SpectralCamera(
+        **{"bands": 3, "size": (7, 10), "slots": 3, "shutter": "burst", "buckets": 3, "period": 4, **more}
+    ),
+    "light field, two buckets": lambda **more: LightFieldCamera(
+        **{"views": 3, "size": (7, 10), "slots": 4, "buckets": 2, **more}
+    ),
+    "spectral-depth, two buckets": lambda **more: SpectralDepthCamera(
+        **{
+            "bands": 3,
+            "size": (9, 12),
+            "slots": 2,
+            "planes": 3,
+            "bench": BENCH,
+            "channels": "rgb",
+            "buckets": 2,
+            **more,
+        }
+    ),
     "spectral-depth": lambda **more: SpectralDepthCamera(
         **{"bands": 3, "size": (9, 12), "slots": 2, "planes": 3, "bench": BENCH, "filters": "gaussian", **more}
     ),
@@ -170,7 +191,8 @@ def test_a_snapshot_file_brings_back_capture_and_camera(name, tmp_path):
 @each_camera
 def test_variables_of_one_tile_make_the_camera_at_another_size(name):
     make = CAMERAS_UNDER_TEST[name]
-    camera, bigger = make(period=3, shutter="random"), make(period=3, shutter="random", size=(12, 13))
+    drawn = {} if name == "burst" else {"shutter": "random"}
+    camera, bigger = make(period=3, **drawn), make(period=3, size=(12, 13), **drawn)
     given = inputs(bigger)
     made = type(camera).from_variables(camera.variables(tiled=True), "a file", size=(12, 13))
     torch.testing.assert_close(made.exact(*given), bigger.exact(*given), atol=1e-5, rtol=1e-5)

@@ -4,7 +4,7 @@ import pytest
 import torch
 import xarray as xr
 
-from tests.priors.test_spectral_depth import BENCH, camera
+from tests.operators.test_window_moments import BENCH, camera
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.errors import DataError

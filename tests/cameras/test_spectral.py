@@ -70,14 +70,6 @@ def test_codes_and_response_learn_when_they_are_parameters():
     assert not list(SpectralCamera(bands=3, size=(6, 7)).parameters())
 
 
-def test_loading_other_codes_changes_the_operator():
-    a, b = (SpectralCamera(bands=3, size=(6, 7), slots=2, seed=s) for s in (0, 1))
-    scene = torch.rand(1, 3, 6, 7)
-    assert not torch.equal(a.A(scene), b.A(scene))
-    a.load_state_dict(b.state_dict())
-    assert torch.equal(a.A(scene), b.A(scene))
-
-
 def test_non_monotone_bands_keep_their_order():
     camera = SpectralCamera(
         bands=3, size=(2, 4), dispersion=Dispersion((2.0, 0.0, 1.0)), aperture="open", shutter="open"

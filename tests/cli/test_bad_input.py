@@ -91,6 +91,7 @@ REFUSED = {
     "reconstruct s.nc --prior codes.npy": ("codes.npy",),
     "reconstruct s.nc --prior prior.nc": ("420",),
     "reconstruct s.nc -d dagger --prior prior.nc": ("prior",),
+    "reconstruct s.nc -d dagger --dictionary codes.npy": ("--dictionary",),
     "reconstruct s.nc -d dagger --tv-weight 0.1": ("--tv-weight",),
     "reconstruct s.nc -d dagger --truth small.mat": ("small.mat", "8×20"),
     "reconstruct s.nc -d dagger --truth good.mat --pattern {row}_{column}.png": ("--pattern",),

@@ -63,17 +63,6 @@ def test_a_calibration_older_than_the_codes_is_refused_from_simulation_to_captur
     assert (calibrations / "found.nc").exists()
 
 
-def test_the_codes_of_a_capture_are_as_old_as_those_that_were_exported(calibrations):
-    """Not as those of another snapshot of the same camera."""
-    main([*TAKE, "sim.nc"])
-    taken = Snapshot.load("sim.nc")
-    for name, date in (("early.nc", "2018-01-01T00:00:00+00:00"), ("late.nc", "2019-01-01T00:00:00+00:00")):
-        Snapshot(taken.values, taken.camera, {**taken.notes, "codes_date": date}).save(name)
-    main(["export", "early.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures", "--out", "ex"])
-    main(["capture", "ex", "--like", "late.nc", "--scene", "coffee", "--out", "frames"])
-    assert Snapshot.load("frames.nc").notes["codes_date"].startswith("2018")
-
-
 def test_codes_from_files_are_as_old_as_these(capsys, calibrations):
     generator = torch.Generator().manual_seed(0)
     planes = [torch.randint(2, (2, *size), generator=generator).float() for size in (SIZE, SENSOR)]
@@ -96,18 +85,3 @@ def test_codes_from_files_are_as_old_as_these(capsys, calibrations):
     os.utime("mask.npy", (before, before))
     report = answer(capsys, *take, "fourth.nc", "--aperture", "mask.npy", "--calibration", "old")
     assert report["codes_date"].startswith("2014-07-01")
-
-
-def test_other_calibrations_are_refused(capsys, calibrations):
-    wide = [word if word != "24x28" else "24x30" for word in TAKE]
-    assert "24×30 pixels, expected 24×32" in refused(capsys, *wide, "sim.nc", "--calibration", "old")
-    light_field = ["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out"]
-    assert "one of a light-field camera" in refused(capsys, *light_field, "lf.nc", "--calibration", "old")
-    assert "no such calibration" in refused(capsys, *TAKE, "sim.nc", "--calibration", "none")
-    main([*TAKE, "sim.nc", "--calibration", "old"])
-    known = with_parts(dispersion=dispersed((-1, 0, 1)))
-    known.about["camera"].update(name="another")
-    known.save("other")
-    wrong = refused(capsys, "reconstruct", "sim.nc", "--calibration", "other", lines=None)
-    assert "a calibration of camera another, expected one of bench" in wrong
-    assert "bands from 400 to 700 nm" in refused(capsys, *TAKE, "third.nc", "--calibration", "other")

@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from tests.cli.calls import answer, said
@@ -47,14 +46,6 @@ def test_a_study_keeps_what_is_finished(capsys, tmp_path):
     assert (tmp_path / "s.csv").read_text().count("\n") == 5
 
 
-def test_sizes_beyond_the_memory_are_refused_with_numbers(capsys):
-    rng = np.random.default_rng(0)
-    y = rng.random((90, 90)) + 0j
-    np.savez("big.npz", y=y, basis_radar=rng.random((90, 2)))
-    assert "8100 samples" in refused(capsys, "dbd", "solve", "big.npz", "--method", "cvxpy", "--sigma", "0")
-    assert "give sigma" in refused(capsys, "dbd", "solve", "big.npz", "--method", "sdp")
-
-
 @pytest.mark.parametrize(
     ("options", "told"),
     [
@@ -94,10 +85,3 @@ def test_a_scene_is_told_in_metres_with_bounds(capsys, tmp_path):
     printed = said(capsys, "dbd", "solve", "overlaid.nc", "--out", "again.nc")
     assert "radar: 1 path\n" in printed
     assert all(heading in printed for heading in ("range, m", "length, m", "velocity, m/s", "angle, degrees"))
-
-
-def test_results_that_exist_are_kept(capsys, tmp_path):
-    main(["dbd", "simulate", *SMALL])
-    before = (tmp_path / "overlaid.nc").read_bytes()
-    assert "overlaid.nc" in refused(capsys, "dbd", "simulate", *SMALL)
-    assert (tmp_path / "overlaid.nc").read_bytes() == before

@@ -50,21 +50,6 @@ def test_the_picture_shows_scene_and_depth(capsys, tmp_path, kind):
     assert len(np.unique(colours, axis=0)) > 500
 
 
-def test_bad_scenes_are_refused_in_one_line(capsys, tmp_path):
-    stem = scenes.middlebury_2014(tmp_path / "bike", without=("doffs",))
-    assert "calib.txt: found no number for doffs" in refused(capsys, "inspect", stem)
-    assert "no such file" in refused(capsys, "inspect", tmp_path / "bike" / "car")
-    room = scenes.open3d(tmp_path / "room")
-    whole = (tmp_path / "room" / "room_color_3.png").read_bytes()
-    (tmp_path / "room" / "room_color_3.png").write_bytes(whole[:200])
-    assert "room_color_3.png: found an unreadable" in refused(capsys, "inspect", room)
-    scenes.write_picture(tmp_path / "room" / "room_color_3.png", scenes.picture((40, 59)))
-    assert "depth map of 40×60 pixels, expected 40×59" in refused(capsys, "inspect", room, "--figure", "x.png")
-    assert not (tmp_path / "x.png").exists()
-    (tmp_path / "room" / "room_depth_3.png").unlink()
-    assert "no depth map beside it, expected room_depth_3.png" in refused(capsys, "inspect", room)
-
-
 def test_the_spectral_camera_refuses_rgb(capsys, tmp_path):
     stem = scenes.open3d(tmp_path)
     for path in (stem, tmp_path / "room_color_3.png"):

@@ -17,8 +17,7 @@ from tmca.cli import main
 from tmca.codes import read_codes, write_codes
 from tmca.data import rendered_light_field, rendered_scene, write_dataset
 from tmca.decoders import Weights
-from tmca.design import Effort, SensorSheet, advise
-from tmca.reports import design_light_field, design_spectral
+from tmca.design import Effort, advise
 
 SMALL = ["coffee.nc", "tissue.nc", "--bands", "4", "--slots", "2", "--period", "6"]
 
@@ -54,12 +53,6 @@ def refused(capsys, *arguments):
     return refusals.refused(capsys, "design", "spectral", *arguments, lines=None)
 
 
-def test_codes_hold_the_light_that_is_asked_for(capsys):
-    found = design(capsys, "--kinds", "free", "--throughput", "0.3", "--read-noise", "0.05")
-    for row in (found["static"], found["chosen"], *found["surveyed"]):
-        assert row["throughput"] == pytest.approx(0.3, abs=0.03)
-
-
 def test_the_page_names_codes_that_were_left_out(capsys):
     left_out = "cannot let through 90% of the light: one-hot, K = 2."
     how = ("--kinds", "one-hot", "--throughput", "0.9", "--out", "d")
@@ -73,22 +66,6 @@ def test_the_answer_may_be_the_static_code(capsys):
     assert "shutter=open" in Path("d/design.html").read_text()
     single = ("--slots", "1", "--period", "6", "--out", "e")
     assert "One slot" in said(capsys, "design", "spectral", *SMALL[:4], *single)
-
-
-def test_dimmed_scenes_see_more_noise(capsys):
-    common = ("--kinds", "free", "--read-noise", "0.01", "--out")
-    bright, dim = design(capsys, *common, "bright"), design(capsys, *common, "dim", "--light", "0.02")
-    assert dim["light"] == pytest.approx(0.02)
-    assert dim["examples_light"] == bright["examples_light"] == bright["light"]
-    page, as_given = (Path(name, "design.html").read_text() for name in ("dim", "bright"))
-    assert "dimmed to a mean irradiance of 0.02" in page
-    assert "compare gains, not PSNR" in page
-    assert "as given" in as_given
-    # the error of a dimmed scene falls by the square of its light and less, for noise stays
-    fall = dim["static"]["expected_psnr"] - bright["static"]["expected_psnr"]
-    assert fall < -20 * np.log10(dim["light"] / bright["light"]) - 1
-    line = refused(capsys, *SMALL, "--light", "0.9", "--out", "d")
-    assert "tmca: --light: found 0.9, which brings the brightest value to" in line
 
 
 def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, capsys, monkeypatch):
@@ -106,45 +83,6 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, ca
     monkeypatch.setattr("tempfile.TemporaryFile", no_place)
     assert "no permission to write" in refused(capsys, *SMALL, "--out", tmp_path / "a" / "d")
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_progress_never_runs_backwards(tmp_path):
-    spectral = {"scenes": SMALL[:2], "bands": 4}
-    views = {"scenes": ["rocket.nc", "retina.nc"], "views": 3}
-    for name, search, how in (("s", design_spectral, spectral), ("l", design_light_field, views)):
-        shares = []
-        search(
-            SensorSheet(), tmp_path / name, slots=[2], kinds=["free"], period=6, **how,
-            progress=lambda share, step, shares=shares: shares.append(share),
-        )  # fmt: skip
-        assert shares == sorted(shares)
-        assert 0.3 < shares[-1] <= 1
-
-
-def test_one_scene_leaves_the_spread_unknown(capsys):
-    found = answer(capsys, "design", "spectral", SMALL[0], *SMALL[2:], "--kinds", "free", "--out", "d")
-    assert found["best"]["spread"] is None
-    assert "one example scene" in found["advice"]
-
-
-def test_kinds_that_are_named_twice_are_searched_once(capsys):
-    surveyed = design(capsys, "--kinds", "one-hot, one-hot")["surveyed"]
-    assert [row["codes"] for row in surveyed] == ["static", "one-hot"]
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [("full_wel: 3", "full_wel"), ("full_well: many", "full_well = many"), ("- 3", "names and values"),
-     ("bits: 2.5", "whole"), ("{", "readable"), ("read_noise:\nfull_well: yes\n", "full_well = True")],
-)  # fmt: skip
-def test_a_sheet_that_cannot_be_read_is_one_line(capsys, text, words):
-    Path("s.yaml").write_text(text)
-    assert words in refused(capsys, *SMALL, "--sensor", "s.yaml", "--out", "d")
-
-
-def test_sensor_files_may_leave_values_empty(capsys):
-    Path("s.yaml").write_text("read_noise:\nfull_well: 1e4\n")
-    assert design(capsys, "--sensor", "s.yaml", "--kinds", "one-hot", "--out", "d")["sensor"]["read_noise"] == 0
 
 
 def test_a_design_leaves_codes_that_can_be_taken_along(capsys):
@@ -199,18 +137,6 @@ def test_scenes_too_small_for_the_blocks_are_named(capsys):
     assert "6×6 pixels" in line
 
 
-@pytest.mark.parametrize("light", [[], ["--light", "0.1"]])
-def test_scenes_without_light_are_named(tmp_path, capsys, light):
-    lit = np.random.default_rng(0).random((4, 24, 40)).astype(np.float32)
-    for name, scene in {"black": 0 * lit, "night": 0 * lit, "day": lit}.items():
-        np.save(tmp_path / f"{name}.npy", scene)
-    how = ["--wavelengths", "400:700:4", "--bands", "4", "--slots", "2", "--period", "6", *light]
-    for names in (["black", "night"], ["day", "black", "night"]):
-        line = refused(capsys, *(f"{name}.npy" for name in names), *how, "--out", "d")
-        assert "tmca: black, night: found no light, mean irradiance 0" in line
-    assert not (tmp_path / "d").exists()
-
-
 def test_codes_files_that_do_not_fit_are_one_line(capsys):
     write_codes("codes.nc", torch.ones(2, 6, 6), torch.ones(2, 6, 6), (6, 6))
     codes = read_codes("codes.nc")
@@ -222,3 +148,22 @@ def test_codes_files_that_do_not_fit_are_one_line(capsys):
     ):
         take = ("simulate", "spectral", "coffee.nc", "--bands", "4", "--crop", "24x30", "--out", "s.nc")
         assert words in refusals.refused(capsys, *take, *options)
+
+
+def test_dimmed_scenes_see_more_noise(capsys):
+    common = ("--kinds", "one-hot, one-hot", "--read-noise", "0.01", "--out")
+    bright, dim = design(capsys, *common, "bright"), design(capsys, *common, "dim", "--light", "0.02")
+    assert [row["codes"] for row in dim["surveyed"]] == ["static", "one-hot"]
+    assert dim["light"] == pytest.approx(0.02)
+    assert dim["examples_light"] == bright["examples_light"] == bright["light"]
+    assert "dimmed to a mean irradiance of 0.02" in Path("dim/design.html").read_text()
+    # the error of a dimmed scene falls by the square of its light and less, for noise stays
+    fall = dim["static"]["expected_psnr"] - bright["static"]["expected_psnr"]
+    assert fall < -20 * np.log10(dim["light"] / bright["light"]) - 1
+    assert "--light: found 0.9" in refused(capsys, *SMALL, "--light", "0.9", "--out", "d")
+
+
+@pytest.mark.parametrize("text", ["full_wel: 3", "full_well: many", "- 3"])
+def test_a_sheet_that_cannot_be_read_is_one_line(capsys, text):
+    Path("s.yaml").write_text(text)
+    assert "s.yaml" in refused(capsys, *SMALL, "--sensor", "s.yaml", "--out", "d")

@@ -12,7 +12,6 @@ from tmca.cli import main
 
 SMALL = ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out", "sim.nc"]
 EXPORT = ["export", "sim.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures"]
-DARKS = ("dark_r1", "dark_r2", "dark_r3")
 
 
 @pytest.fixture(scope="module")
@@ -47,11 +46,6 @@ def test_codes_go_to_devices_and_a_capture_comes_back(tmp_path, capsys):
     assert captured.notes["device"] == "dli4120, emulated-shutter"
 
 
-def test_an_export_has_a_picture(tmp_path):
-    main([*EXPORT[:-1], "--out", "ex"])
-    assert (tmp_path / "ex" / "overview.png").stat().st_size > 1000
-
-
 def test_a_capture_that_was_stopped_goes_on(capsys, tmp_path, ex):
     said = refused(capsys, "capture", "ex", "--scene", "coffee", "--out", "f", "--stops-after", "2", lines=None)
     assert "no answer after 2 frames" in said
@@ -82,21 +76,16 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
     ("options", "words"),
     [
         ([], "--scene"), (["--scene", "coffee", "--set", "a=1"], "simulated bench"),
-        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "as long as it takes"),
+        (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "options of its own"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
+        (["--device", "folder"], "--set path: found none"),
+        (["--device", "folder", "--set", "path=ex", "--set", "foo=1"], "--set foo: found a setting"),
+        (["--scene", "coffee", "--hardware", "motion=100"], "motion"),
     ],
 )  # fmt: skip
 def test_benches_that_cannot_be_are_one_line(capsys, tmp_path, options, words, ex):
     assert words in refused(capsys, "capture", "ex", *options)
     assert not (tmp_path / "captures").exists()
-
-
-def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
-    from tmca.codes import write_codes
-
-    write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
-    main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
-    assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")
 
 
 def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path, ex):
@@ -137,53 +126,12 @@ def test_frames_of_other_software_are_joined(tmp_path, ex):
     torch.testing.assert_close(other.values / other.values.max(), one.values / one.values.max())
 
 
-def test_files_that_changed_are_read_again_and_which_is_which_is_said(tmp_path, capsys, ex):
-    """The second capture is that of a folder that never held the first frames."""
-    for scene in ("coffee", "chelsea"):
-        main(["capture", "ex", "--scene", scene, "--out", scene])
-    (tmp_path / "theirs").mkdir()
-    names = {"slot_000": "img_3", "slot_001": "img_12"} | {name: name for name in ("dark", *DARKS)}
-
-    def put(scene):
-        for name, other in names.items():
-            shutil.copy(tmp_path / scene / f"{name}.tif", tmp_path / "theirs" / f"{other}.tif")
-
-    put("coffee")
-    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f"])
-    said = capsys.readouterr()
-    assert "slot_000 ← img_3.tif, slot_001 ← img_12.tif" in said.out
-    put("chelsea")
-    assert "--overwrite" in refused(capsys, "capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f")
-    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "f", "--overwrite"])
-    one, other = Snapshot.load("f.nc"), Snapshot.load("chelsea.nc")
-    torch.testing.assert_close(one.values / one.values.max(), other.values / other.values.max())
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [([], "--set path: found none"), (["--set", "path=ex", "--set", "foo=1"], "--set foo: found a setting")],
-)
-def test_settings_of_a_folder_are_named(capsys, settings, words, ex):
-    assert words in refused(capsys, "capture", "ex", "--device", "folder", *settings)
-
-
-def test_a_calibration_is_not_taken_from_a_folder(capsys, ex):
-    said = refused(capsys, "calibrate", "capture", "dark", "ex", "--device", "folder", "--set", "path=ex")
-    assert "--device: found folder" in said
-    assert "tmca calibrate STEP FOLDER" in said
-
-
 def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):
     from scipy.io import savemat
 
     savemat("shutter.mat", {"S": 255.0 * (torch.rand(24, 30, 2) > 0.5).double().numpy()})
     said = refused(capsys, "simulate", "spectral", *SMALL[:-1], "b.nc", "--shutter", "shutter.mat")
     assert "--shutter shutter.mat: found values from 0 to 255, expected 0 = closed to 1 = open" in said
-
-
-def test_a_motion_that_is_too_large_does_not_hinder_the_next(capsys, tmp_path, ex):
-    assert "motion" in refused(capsys, "capture", "ex", "--scene", "coffee", "--hardware", "motion=100", "--out", "f")
-    main(["capture", "ex", "--scene", "coffee", "--hardware", "motion=1", "--out", "f"])
 
 
 def test_the_camera_of_an_export_is_found_from_another_folder_and_said_to_be_gone(capsys, tmp_path, monkeypatch):
@@ -205,3 +153,11 @@ def test_the_folder_of_a_design_stands_for_its_codes(tmp_path):
     write_codes("design/codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
     main(["export", "design", "--device", "dli4120", "--no-figures", "--out", "ex"])
     assert json.loads((tmp_path / "ex" / "manifest.json").read_text())["slots"] == 2
+
+
+def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
+    from tmca.codes import write_codes
+
+    write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
+    main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")

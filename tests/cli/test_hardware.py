@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tests.cli.calls import answer
-from tmca.cameras import Hardware, Snapshot, SpectralCamera, imperfect
+from tmca.cameras import Snapshot
 from tmca.cli import main
 
 SMALL = {
@@ -48,11 +48,3 @@ def test_a_sweep_decodes_what_a_faulty_bench_took_with_the_camera_that_is_known(
     assert [row["misregistration"] for row in rows] == [0.0, "0:1", "1:0", 1.0]
     assert len({row["psnr"] for row in rows}) == 4
     assert rows[0]["psnr"] > rows[-1]["psnr"] + 0.5
-
-
-def test_a_bench_with_faults_is_the_same_from_python():
-    snapshot = taken("spectral", "a.nc", "--hardware", "rolling=1")
-    camera = snapshot.camera
-    assert isinstance(camera, SpectralCamera)
-    scene = torch.rand(1, *camera.scene_shape)
-    assert imperfect(camera, Hardware(rolling=1))(scene).shape == snapshot.values.shape

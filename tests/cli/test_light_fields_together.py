@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-import torch
 from PIL import Image
 
 from tests.cli.refusals import refused
@@ -58,21 +57,6 @@ def test_a_sweep_reads_any_naming_and_keeps_readings_apart(place, capsys):
     assert np.isfinite(psnr(capsys, "lens.png", "odd", *NAMES, "--lens", "3x3"))
 
 
-def test_codes_are_designed_for_any_naming(place, monkeypatch):
-    learned = []
-
-    def design_codes(sheet, out, learn, *rest, **how):
-        learned.append(learn(lambda share, step: None))
-        raise SystemExit
-
-    monkeypatch.setattr("tmca.reports.cameras.search_codes", design_codes)
-    for scenes in (["odd", "lens.png", *NAMES, "--lens", "3x3"], ["plain", "lens.png", "--lens", "3x3"]):
-        with pytest.raises(SystemExit):
-            main(["design", "light-field", *scenes, *DESIGN])
-    own, known = learned[0].examples.scenes["odd"], learned[1].examples.scenes["plain"]
-    torch.testing.assert_close(own.covariance, known.covariance)
-
-
 def test_a_run_is_trained_on_any_naming_and_not_resumed_with_another(place, capsys):
     (place / "run.yaml").write_text(TINY)
     command = ["train", "light-field", "--config", "run.yaml", "--train", "odd", "--train", "lens.png", "--lens", "3x3"]
@@ -108,24 +92,3 @@ def test_readings_that_fit_nothing_are_refused(place, capsys, options, words):
     ):
         assert words in refused(capsys, *command, lines=None)
     assert not (place / "p.nc").exists()
-
-
-def test_what_only_files_have_is_refused_for_a_rendered_scene(place, capsys):
-    for option in (NAMES, ["--lens", "3x3"], ["--scale", "2"]):
-        assert f"{option[0]}: found" in refused(capsys, "simulate", "light-field", "coffee", *option)
-
-
-def test_scales_of_a_sweep_are_told_apart(place, capsys):
-    assert "--scale: found 2" in refused(capsys, *SWEEP, "plain", "--scale", "2")
-    assert "--test-scale: found 2" in refused(capsys, *SWEEP, "coffee", "--test-scale", "2")
-
-
-def test_a_comparison_refuses_what_it_cannot_read_before_it_learns(place, capsys):
-    for name, scene in (("train", "odd"), ("test", "plain")):
-        (place / f"{name}.txt").write_text(f"{scene}\n")
-    command = ["compare", "light-field", "--train", "train.txt", "--test", "test.txt", "--views", "3", "--out", "o"]
-    assert "--pattern" in refused(capsys, *command, "--frame", "96x96")
-    assert "applies to none" in refused(capsys, *command, "--frame", "96x96", *NAMES, "--lens", "3x3")
-    line = refused(capsys, *command, "--frame", "96x96", *NAMES)
-    assert "--frame: found 96×96, expected at most the 48×56 pixels of" in line
-    assert not (place / "o").exists()

@@ -15,17 +15,3 @@ def test_lines_say_share_step_and_time_left(capsys, monkeypatch):
         "prior p.nc: 20% reading two, 80 s left",
         "prior p.nc: 60% learning step 3, 27 s left",
     ]
-
-
-def test_preparations_do_not_count_as_time_of_the_steps(capsys, monkeypatch):
-    now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    with progress.progress_bar("train run") as told:
-        for share, step, wait in ((None, "cube read", 240), (0.1, "training", 20), (0.2, "training", 20)):
-            told(share, step)
-            now[0] += wait
-    assert capsys.readouterr().err.splitlines() == [
-        "train run: cube read",
-        "train run: 10% training",
-        "train run: 20% training, 2.7 min left",
-    ]

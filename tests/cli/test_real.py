@@ -82,91 +82,6 @@ def test_the_mask_is_put_in_register(capsys, folder, bench):
     assert "--mask" in refused(capsys, "real", "register", folder / "capture.mat", *how[2:])
 
 
-def test_frames_behind_a_pixel_shutter(capsys, folder, bench):
-    how = ("--prototype", folder / "wine.yaml", "--name", "w")
-    said(capsys, "import", folder / "wine.mat", *how, "--out", "w.nc")
-    text = said(capsys, "real", "movie", "w.nc", "--frames", "2", "--out", "m.nc", "--figure", "m.png")
-    assert "2 frames of 2 slots each" in text
-    with xr.open_dataset("m.nc") as frames:
-        np.testing.assert_allclose(frames["frames"], 0.5, atol=1e-4)
-        assert frames.attrs["decoder"] == "space-time-dct"
-    assert "a divisor of the 4 slots" in refused(capsys, "real", "movie", "w.nc", "--frames", "3", "--out", "n.nc")
-
-
-@pytest.mark.parametrize(
-    ("decoder", "option", "said"),
-    [
-        ("kriging", "--threshold=0.1", "--threshold: found 0.1 for kriging"),
-        ("kriging", "--iterations=9", "--iterations: found 9 for kriging"),
-        ("kriging", "--lifetime=inf", "found inf, expected above 0"),
-        ("kriging", "--changing=1.5", "expected 0 to 1"),
-        ("space-time-dct", "--threshold=nan", "above 0"),
-        ("space-time-dct", "--threshold=0", "above 0"),
-        ("space-time-dct", "--iterations=1", "2 or more"),
-        ("space-time-dct", "--lifetime=nan", "--lifetime: found nan for space-time-dct"),
-        ("dream", "--threshold=1", "--decoder: found 'dream'"),
-    ],
-)
-def test_impossible_numbers_of_a_movie_are_refused(capsys, folder, bench, tmp_path, decoder, option, said):
-    text = _imported(capsys, folder, tmp_path)
-    how = ("--frames", "2", "--decoder", decoder, option, "--out", tmp_path / "m.nc")
-    assert said in refused(capsys, "real", "movie", text, *how)
-    assert not (tmp_path / "m.nc").exists()
-
-
-@pytest.mark.parametrize("decoder", ["kriging", "space-time-dct"])
-def test_a_frame_per_slot_is_decoded(capsys, folder, bench, tmp_path, decoder):
-    how = ("--frames", "4", "--decoder", decoder, "--out", tmp_path / "m.nc")
-    assert "4 frames of 1 slots" in said(capsys, "real", "movie", _imported(capsys, folder, tmp_path), *how)
-
-
-def test_a_capture_with_a_pixel_that_is_no_number_has_no_place(capsys, folder, bench, tmp_path):
-    from scipy.io import loadmat
-
-    found = {name: values for name, values in loadmat(folder / "wine.mat").items() if not name.startswith("_")}
-    found["a"][3, 4] = np.nan
-    bad = write_mat(tmp_path / "nan.mat", **found)
-    how = ("--prototype", folder / "wine.yaml", "--name", "w", "--shift", "0,0")
-    assert "expected a finite picture" in refused(capsys, "real", "register", bad, *how)
-
-
-def _imported(capsys, folder, place):
-    said(
-        capsys,
-        "import",
-        folder / "wine.mat",
-        "--prototype",
-        folder / "wine.yaml",
-        "--name",
-        "w",
-        "--out",
-        place / "w.nc",
-    )
-    return place / "w.nc"
-
-
-@pytest.mark.parametrize("shift", ["-300,400", "12,0", "-3.4,nan", "1.5,2", "inf,0"])
-def test_a_shift_is_whole_and_within_the_capture(capsys, folder, bench, shift):
-    how = ("--prototype", folder / "wine.yaml", "--name", "w", f"--shift={shift}")
-    assert "shift: found" in refused(capsys, "real", "register", folder / "wine.mat", *how)
-
-
-def test_a_mask_of_other_captures_is_refused(capsys, folder, bench, tmp_path):
-    mask = write_mat(tmp_path / "small.mat", mask=mask_of(60, 50))
-    how = ("--mask", mask, "--prototype", folder / "bench.yaml")
-    text = refused(capsys, "real", "register", folder / "capture.mat", *how)
-    assert "170×156 pixels, expected 60×56 pixels" in text
-
-
-def test_what_cannot_be_imported_is_refused_in_one_line(capsys, folder, bench, tmp_path):
-    capture = folder / "capture.mat"
-    assert "tsa, or a YAML file" in refused(capsys, "import", capture, "--prototype", "lens", "--out", "s.nc")
-    prototype = ("--prototype", folder / "bench.yaml")
-    assert "--mask: found none" in refused(capsys, "import", capture, *prototype, "--out", "s.nc")
-    (tmp_path / "s.nc").write_text("")
-    assert "an existing output" in refused(capsys, "import", capture, *bench, "--out", "s.nc")
-
-
 def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):
     how = ("--data", tmp_path, "--out", "real")
     assert "no tsa/mask_660_real.mat" in refused(capsys, "real", "report", *how)
@@ -197,3 +112,54 @@ def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench, tmp_path)
     assert not (tmp_path / "other_cube.nc").exists()
     assert "some of torch, onnx" in refused(capsys, "decoder", "export", "run", "--out", "y", "--formats", "gif")
     assert "no decoder.json" in refused(capsys, "decoder", "check", "nowhere", "--run", "run")
+
+
+@pytest.fixture
+def wine(capsys, folder):
+    said(capsys, "import", folder / "wine.mat", "--prototype", folder / "wine.yaml", "--name", "w", "--out", "w.nc")
+    return ("real", "movie", "w.nc", "--out", "m.nc", "--frames")
+
+
+@pytest.mark.parametrize("decoder", ["kriging", "space-time-dct"])
+def test_frames_behind_a_pixel_shutter(capsys, wine, decoder):
+    assert "4 frames of 1 slots" in said(capsys, *wine, "4", "--decoder", decoder)
+    text = said(capsys, *wine, "2", "--decoder", decoder, "--figure", "m.png", "--overwrite")
+    assert "2 frames of 2 slots each" in text
+    with xr.open_dataset("m.nc") as frames:
+        np.testing.assert_allclose(frames["frames"], 0.5, atol=1e-4)
+        assert frames.attrs["decoder"] == decoder
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("3", "a divisor of the 4 slots"), ("2 --decoder dream", "--decoder: found 'dream'"),
+        ("2 --decoder kriging --threshold=0.1", "--threshold: found 0.1 for kriging"),
+        ("2 --decoder kriging --lifetime=inf", "found inf, expected above 0"),
+        ("2 --decoder kriging --changing=1.5", "expected 0 to 1"),
+        ("2 --decoder space-time-dct --threshold=nan", "above 0"),
+        ("2 --decoder space-time-dct --iterations=1", "2 or more"),
+        ("2 --decoder space-time-dct --lifetime=nan", "--lifetime: found nan for space-time-dct"),
+    ],
+)  # fmt: skip
+def test_impossible_movies_are_refused(capsys, wine, tmp_path, options, words):
+    assert words in refused(capsys, *wine, *options.split())
+    assert not (tmp_path / "m.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        *((f"real register FOLDER/wine.mat --prototype FOLDER/wine.yaml --name w --shift={shift}", "shift: found")
+          for shift in ("-300,400", "12,0", "-3.4,nan", "1.5,2", "inf,0")),
+        ("real register FOLDER/capture.mat --prototype FOLDER/bench.yaml --mask small.mat", "expected 60×56 pixels"),
+        ("real register nan.mat --prototype FOLDER/wine.yaml --name w --shift=0,0", "expected a finite picture"),
+        ("import FOLDER/capture.mat --prototype lens --out s.nc", "tsa, or a YAML file"),
+        ("import FOLDER/capture.mat --prototype FOLDER/bench.yaml --out s.nc", "--mask: found none"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_registered_or_imported_is_refused(capsys, folder, tmp_path, command, words):
+    write_mat(tmp_path / "small.mat", mask=mask_of(60, 50))
+    write_mat(tmp_path / "nan.mat", a=np.full((12, 13), np.nan), s=np.ones((12, 13, 4), np.uint8))
+    assert words in refused(capsys, *command.replace("FOLDER", str(folder)).split())
+    assert not (tmp_path / "s.nc").exists()

@@ -71,52 +71,36 @@ def test_fringes_are_pictures_in_order(capsys, tmp_path):
     assert json.loads((tmp_path / "f" / "fringes.json").read_text())["steps"] == 3
 
 
-def test_bad_captures_are_refused_in_one_line_and_nothing_is_written(capsys, table):
-    def depth(*more, figure="d.png"):
-        outputs = ("--out", "d.nc", "--figure", figure)
-        return refused(capsys, "scan", "depth", "table/captures", *PLAN, *outputs, *more)
+DEPTH = ("depth", "table/captures", *PLAN, "--out", "d.nc")
+SPECTRA = ("spectra", "table/scene", *LIGHT, "--out", "s.nc")
+COMPARE = ("compare", "table/truth.nc", "--references", "table/references.csv", "--points")
 
-    captures = table / "captures"
-    assert "found the suffix '.xyz'" in depth(figure="d.xyz")
-    assert "0 to 8" in depth("--neighbours", "12")
-    assert "out of range" in depth("--far", "0.5")
-    assert "% of the pixels saturated" in depth("--saturation", "3000")
-    (captures / "fringe_0016_01.png").unlink()
-    assert "found no fringe_0016_01 (1 of 16 missing), expected all 16 frames" in depth()
-    (table / "calibration.json").write_text("{}")
-    assert "calibration.json: found no numbers for rotation" in depth()
+
+def without(name):
+    return lambda table: (table / name).unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "arguments", "words"),
+    [
+        (None, (*DEPTH, "--figure", "d.xyz"), "found the suffix '.xyz'"),
+        (None, (*DEPTH, "--neighbours", "12"), "0 to 8"),
+        (None, (*DEPTH, "--far", "0.5"), "out of range"),
+        (None, (*DEPTH, "--saturation", "3000"), "% of the pixels saturated"),
+        (without("captures/fringe_0016_01.png"), DEPTH, "found no fringe_0016_01"),
+        (lambda table: (table / "calibration.json").write_text("{}"), DEPTH, "found no entry camera"),
+        (None, (*SPECTRA, "--wavelengths", "400:700:16"), "expected the 16 wavelengths asked for"),
+        (None, (*SPECTRA, "--white-reflectance", "bright"), "a number or a file of its spectrum"),
+        (None, (*SPECTRA, "--saturation", "3000"), "saturated in"),
+        (None, (*SPECTRA, "--read-noise", "-1"), "--read-noise"),
+        (without("white/white_500nm.png"), SPECTRA, "table/white: found no frame at 500 nm"),
+        (None, (*COMPARE, "P1"), "NAME=ROW,COLUMN"),
+        (None, (*COMPARE, "P1=30,45", "P1=50,50"), "--points: found P1 twice"),
+        (None, ("join", "table/truth.nc", "table/truth.nc", "--out", "s.nc"), "expected a file of tmca scan spectra"),
+    ],
+)
+def test_what_cannot_be_scanned_is_one_line_and_nothing_is_written(capsys, table, spoil, arguments, words):
+    if spoil:
+        spoil(table)
+    assert words in refused(capsys, "scan", *arguments)
     assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
-
-
-def test_bad_scans_are_refused_in_one_line_and_nothing_is_written(capsys, table):
-    def spectra(*more):
-        return refused(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "s.nc", *more)
-
-    assert "expected the 16 wavelengths asked for, 400 to 700 nm" in spectra("--wavelengths", "400:700:16")
-    assert "--wavelengths: found 'blue'" in spectra("--wavelengths", "blue")
-    assert "a number or a file of its spectrum" in spectra("--white-reflectance", "bright")
-    assert "saturated in" in spectra("--saturation", "3000")
-    assert "--read-noise" in spectra("--read-noise", "-1")
-    (table / "white" / "white_500nm.png").unlink()
-    assert "table/white: found no frame at 500 nm" in spectra()
-    assert "NAME=ROW,COLUMN" in refused(
-        capsys, "scan", "compare", "table/truth.nc", "--references", "table/references.csv", "--points", "P1"
-    )
-    how = ("scan", "compare", "table/truth.nc", "--references", "table/references.csv")
-    assert "--points: found P1 twice" in refused(capsys, *how, "--points", "P1=30,45", "P1=50,50")
-    join = ("scan", "join", "table/truth.nc", "table/truth.nc", "--out", "s.nc")
-    assert "expected a file of tmca scan spectra" in refused(capsys, *join)
-    assert sorted(entry.name for entry in table.parent.iterdir()) == ["table"]
-
-
-def test_references_in_percent_are_told_of(capsys, table):
-    lines = (table / "references.csv").read_text().splitlines()
-    rows = [[float(word) for word in line.split(",")] for line in lines[1:]]
-    percent = [",".join([f"{row[0]:g}", *(f"{100 * value:g}" for value in row[1:])]) for row in rows]
-    (table / "percent.csv").write_text("\n".join([lines[0], *percent]))
-    how = ("scan", "compare", "table/truth.nc", "--points", "P1=30,45", "--references")
-    capsys.readouterr()
-    main([*how, "table/references.csv"])
-    assert capsys.readouterr().err == ""
-    main([*how, "table/percent.csv"])
-    assert "P1: the reference is 100 times the spectrum (percent?)" in capsys.readouterr().err

@@ -18,13 +18,17 @@ from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
 
 WAVES = (480e-9, 620e-9)
+QUICK = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
+
+
+def chelsea():
+    """A rendered cube at the bands of the quick preset."""
+    return rendered_scene("chelsea", wavelengths=QUICK, size=(60, 70))[["radiance"]]
 
 
 @pytest.fixture(scope="module")
 def prior(tmp_path_factory):
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))["radiance"].values
-    learned = GaussianPrior.learn([torch.from_numpy(cube)], (42, 42), wavelengths=waves)
+    learned = GaussianPrior.learn([torch.from_numpy(chelsea()["radiance"].values)], (42, 42), wavelengths=QUICK)
     return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
 
 
@@ -92,9 +96,7 @@ def test_options_describe_the_camera(capsys):
 
 
 def test_a_cube_needs_a_depth_or_a_place(capsys, tmp_path):
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]]
-    write_dataset(cube, tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     take = ("simulate", "spectral-depth", "cube.nc", "--crop", "40x40")
     assert "depth" in refused(capsys, *take)
     assert "slanted" in refused(capsys, *take, "--placed", "upside-down")
@@ -111,67 +113,10 @@ def test_a_file_of_codes_names_the_option_beside_it(capsys):
         assert f"{given[-2]} beside it" in line
 
 
-def table(values, name="table.nc"):
-    """A file of a textured cube with these depths."""
-    cube = np.random.default_rng(0).random((8, *values.shape)) / 2
-    parts = {"radiance": (("wavelength", "y", "x"), cube), "depth": (("y", "x"), values)}
-    xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf(name)
-    return ("simulate", "spectral-depth", name, "--metric-depth", "--no-figures")
-
-
-@pytest.mark.parametrize("reduce", [1, 2])
-def test_unknown_depth_is_told_by_kind_of_what_is_in_the_crop(capsys, reduce):
-    depth = np.full((40, 44), 1.0)
-    depth[4:8, 6:16] = [[0, np.nan, -1.0, np.inf, 9.0, 0.3, 2.0, 0.4, 0, 0]]
-    depth[:4] = 0  # beside the crop
-    crop = ("--crop", "32x32") if reduce == 1 else ("--crop", "32x32", "--reduce", "2")
-    printed = said(capsys, *table(np.kron(depth, np.ones((reduce, reduce)))), *crop)
-    assert ", 32 of 1024 pixels of unknown depth (12 zero, 4 negative, 8 not finite, 8 outside)" in printed
-    with xr.open_dataset("table_snapshot.nc") as kept:
-        kinds = ("zero", "negative", "not_finite", "outside")
-        assert [int(kept.attrs[f"unknown_{kind}"]) for kind in kinds] == [12, 4, 8, 8]
-        assert kept.attrs["unknown_depth_pixels"] == 32
-
-
-def test_depth_just_outside_the_range_is_outside(capsys):
-    depth = np.full((32, 40), 2.6)  # within half a bin of the farthest of eight planes
-    depth[:, :20] = 1.0
-    told = answer(capsys, *table(depth))
-    assert (told["unknown_depth_pixels"], told["unknown_outside"], told["unknown_zero"]) == (640, 640, 0)
-
-
-def test_a_scene_without_any_depth_in_the_range_is_refused(capsys, tmp_path):
-    asked = table(np.full((36, 40), 9.0))
-    line = refused(capsys, *asked)
-    assert "table: found 1440 of 1440 pixels of unknown depth (1440 outside), expected some within 0.4 to 2 m" in line
-    assert "--metric-depth" in line
-    assert not list(tmp_path.glob("*_snapshot*"))
-    assert "unknown" not in said(capsys, *asked, "--depth", "3,12", "--focus", "5")
-
-
-def test_a_scene_that_is_mapped_onto_the_range_is_told(capsys, tmp_path):
-    depth = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
-    parts = {"radiance": (("wavelength", "y", "x"), np.ones((8, 32, 32))), "depth": (("y", "x"), depth)}
-    xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf("room.nc")
-    take = ("simulate", "spectral-depth", "room.nc", "--no-figures")
-    assert "depths of 2 to 6 m mapped onto 0.4 to 2 m (--metric-depth keeps metres)" in said(capsys, *take)
-    assert "mapped" not in said(capsys, *take, "--metric-depth", "--overwrite")
-    with xr.open_dataset("room_snapshot.nc") as kept:
-        assert "inverse_depth_scale" not in kept.attrs
-
-
-def test_options_of_other_cameras_are_refused(capsys, prior):
-    simulate("--no-figures")
-    capsys.readouterr()
-    for given, message in ((("--dictionary", "d.nc"), "--dictionary"), (("-d", "lmmse"), "likelihood")):
-        assert message in refused(capsys, "reconstruct", "motorcycle_snapshot.nc", "--prior", prior, *given)
-
-
 def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     simulate("--no-figures")
     main(["simulate", "spectral", "coffee", "--crop", "32x32", "--no-figures"])
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
     assert "8 × 42 × 42" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
@@ -185,8 +130,7 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
 def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_path):
     own = ("--period", "16", "--channels", "monochrome", "--planes", "2", "--psf-window", "11", "--no-figures")
     main(["simulate", "spectral-depth", "motorcycle", "--reduce", "8", "--crop", "32x32", *own])
-    waves = SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths
-    write_dataset(rendered_scene("chelsea", wavelengths=waves, size=(60, 70))[["radiance"]], tmp_path / "cube.nc")
+    write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like", "motorcycle_snapshot.nc")
     assert "8 × 26 × 26" in said(capsys, *learn)
     decode = ("reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures", "--out")
@@ -201,3 +145,36 @@ def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_p
         assert f"--window: found {window} pixels, expected 16 (the tile of the codes) to 32 (the sensor)" in line
     assert "--window: found 16 for network" in refused(capsys, *decode[:2], "--weights", "run", "--window", "16")
     assert not (tmp_path / "other.nc").exists()
+
+
+def table(depth, *more, name="table.nc"):
+    """The command that images a file of a textured cube with these depths."""
+    cube = np.random.default_rng(0).random((8, *depth.shape)) / 2
+    parts = {"radiance": (("wavelength", "y", "x"), cube), "depth": (("y", "x"), depth)}
+    xr.Dataset(parts, {"wavelength": np.linspace(440e-9, 680e-9, 8)}).to_netcdf(name)
+    return ("simulate", "spectral-depth", name, "--no-figures", *more)
+
+
+@pytest.mark.parametrize("reduce", [1, 2])
+def test_unknown_depth_is_told_by_kind_of_what_is_in_the_crop(capsys, reduce):
+    depth = np.full((40, 44), 1.0)
+    depth[4:8, 6:16] = [[0, np.nan, -1.0, np.inf, 9.0, 0.3, 2.0, 0.4, 0, 0]]
+    depth[8, 6:10] = 2.6  # within half a bin of the farthest of eight planes
+    depth[:4] = 0  # beside the crop
+    crop = ("--metric-depth", "--crop", "32x32", "--reduce", str(reduce))
+    printed = said(capsys, *table(np.kron(depth, np.ones((reduce, reduce))), *crop))
+    assert "36 of 1024 pixels of unknown depth (12 zero, 4 negative, 8 not finite, 12 outside)" in printed
+    kinds = {"zero": 12, "negative": 4, "not_finite": 8, "outside": 12, "depth_pixels": 36}
+    with xr.open_dataset("table_snapshot.nc") as kept:
+        assert {name: int(kept.attrs[f"unknown_{name}"]) for name in kinds} == kinds
+
+
+def test_depths_are_mapped_onto_the_range_or_kept_in_metres(capsys, tmp_path):
+    far = np.full((36, 40), 9.0)
+    line = refused(capsys, *table(far, "--metric-depth"))
+    assert "table: found 1440 of 1440 pixels of unknown depth (1440 outside)" in line
+    assert not list(tmp_path.glob("*_snapshot*"))
+    assert "unknown" not in said(capsys, *table(far, "--metric-depth", "--depth", "3,12", "--focus", "5"))
+    room = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
+    assert "depths of 2 to 6 m mapped onto 0.4 to 2 m" in said(capsys, *table(room, name="room.nc"))
+    assert "mapped" not in said(capsys, *table(room, "--metric-depth", "--overwrite", name="room.nc"))

@@ -57,11 +57,6 @@ def test_every_pattern_is_shown_as_long_as_it_is_open(slots, switching, starts, 
     assert float(overlap.min()) > -1e-9
 
 
-def test_a_perfect_bench_keeps_the_slots_apart():
-    times = torch.arange(4).double()
-    torch.testing.assert_close(slot_overlap(4, times, times + 1), torch.eye(4).double())
-
-
 def test_rows_may_have_their_own_times():
     shutter = torch.rand(3, 4, 5)
     overlap = torch.stack([torch.eye(3), torch.eye(3).roll(1, 1), torch.eye(3).roll(2, 1), torch.eye(3)])
@@ -104,19 +99,6 @@ def test_a_turn_carries_rows_towards_columns_as_a_registration_says():
     point = torch.zeros(1, 21, 21)
     point[0, 20, 10] = 1
     assert misplaced(point, rotation=30.0)[0].argmax() == 19 * 21 + 15
-
-
-def test_whole_pixels_displace_exactly_and_the_edge_goes_on():
-    patterns = torch.rand(1, 5, 6)
-    found = misplaced(patterns, (1, -2))
-    torch.testing.assert_close(found[0, 1:, :4], patterns[0, :-1, 2:], atol=1e-5, rtol=0)
-    torch.testing.assert_close(found[0, 0, :4], patterns[0, 0, 2:], atol=1e-5, rtol=0)
-
-
-def test_half_a_pixel_is_the_mean_of_two():
-    patterns = torch.rand(1, 4, 9)
-    found = misplaced(patterns, (0, 0.5))
-    torch.testing.assert_close(found[..., 1:], (patterns[..., 1:] + patterns[..., :-1]) / 2, atol=1e-5, rtol=0)
 
 
 @pytest.mark.parametrize("size", [(7, 12), (4, 6)])

@@ -13,6 +13,7 @@ import tifffile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.data.test_read_formats import save_cave, save_envi
 from tmca.data import describe, nm_to_metres, read, read_array, read_dataset, write_dataset
 from tmca.errors import DataError, SettingError
 
@@ -51,7 +52,25 @@ def uneven_pages(folder):
         tiff.write(np.zeros((7, 6), np.uint16))
 
 
+def cave_without_a_band(folder):
+    (save_cave(folder / "s_ms", np.zeros((31, 4, 4), np.uint16)) / "s_ms_07.png").unlink()
+
+
+def envi(change):
+    """A cube of ENVI, then something done to its header and its data."""
+
+    def write(folder):
+        header = save_envi(folder, np.zeros((7, 10, 13), np.float32), np.linspace(400, 700, 7), "bsq", "Nanometers")
+        change(header, header.with_suffix(".raw"))
+
+    return write
+
+
 UNUSABLE = {
+    "a CAVE band missing": (cave_without_a_band, "s_ms", {}, "without 07"),
+    "ENVI cut short": (envi(lambda _, data: data.write_bytes(b"0" * 3636)), "scene.raw", {}, "3636 bytes"),
+    "ENVI without data": (envi(lambda _, data: data.unlink()), "scene.hdr", {}, "no data file beside"),
+    "no ENVI": (envi(lambda header, _: header.write_text("none")), "scene.hdr", {}, "truncated ENVI header"),
     "missing": (lambda folder: None, "gone.mat", {}, "no such file"),
     "an empty folder": (folder_of("empty"), "empty", {}, "_ms_01.png"),
     "a folder of other things": (folder_of("other", "notes.txt"), "other", {}, "without band images"),

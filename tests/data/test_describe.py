@@ -54,13 +54,6 @@ def test_a_snapshot_is_a_dataset_with_every_variable(tmp_path):
     assert about["attrs"]["exposure"] == "equal"
 
 
-def test_why_a_three_axis_array_is_no_cube_is_told(tmp_path):
-    np.save(tmp_path / "a.npy", np.zeros((20, 21, 9)))
-    about = describe(tmp_path / "a.npy")
-    assert (about["kind"], about["wavelengths"]) == ("array", None)
-    assert "9 bands without wavelengths" in about["note"]
-
-
 def test_text_and_empty_variables_are_listed_without_statistics(tmp_path):
     scipy.io.savemat(tmp_path / "a.mat", {"x": np.ones((3, 4)), "text": "hello", "none": np.zeros((0, 0))})
     about = describe(tmp_path / "a.mat", "x")
@@ -69,13 +62,3 @@ def test_text_and_empty_variables_are_listed_without_statistics(tmp_path):
     assert about["mean"] == 1
     with pytest.raises(DataError, match=r"no variable 'y'"):
         describe(tmp_path / "a.mat", "y")
-
-
-def test_importing_the_room_is_light():
-    import subprocess
-    import sys
-
-    heavy = "{'xarray', 'scipy', 'h5py', 'zarr', 'torch', 'tifffile', 'PIL', 'spectral', 'pandas'}"
-    code = f"import sys, tmca.data; print(sorted({heavy} & set(sys.modules)))"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"

@@ -8,7 +8,7 @@ import xarray as xr
 from PIL import Image
 from scipy.ndimage import map_coordinates
 
-from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm, write_png16
+from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_pfm, write_png16
 from tmca.data import (
     describe,
     label_light_field,
@@ -46,16 +46,6 @@ def test_every_view_is_where_its_name_says(tmp_path, name):
     np.testing.assert_array_equal(field.view_v, [-2, -1, 0, 1, 2])
     assert field.attrs["name"] == "scene"
     assert list(field.attrs["grid"]) == [5, 5]
-
-
-def test_the_centre_view_is_seen_displaced_by_the_disparity_in_every_other(tmp_path):
-    field = read_light_field(write_folder(tmp_path, VIEWS, NAMES["plain"]))
-    centre = field.sel(view_v=0, view_u=0).values
-    for v in (-2, 1):
-        for u in (-1, 2):
-            view = field.sel(view_v=v, view_u=u).values
-            for y, x in ((10, 10), (25, 30)):
-                assert view[y - v, x - u] == centre[y, x]
 
 
 def test_other_pictures_beside_the_views_do_not_matter(tmp_path):
@@ -110,12 +100,6 @@ def test_grey_is_the_luminance_of_the_stored_values(tmp_path):
     np.testing.assert_allclose(read_light_field(folder), grey, atol=1e-6)
 
 
-def test_jpeg_views_are_read(tmp_path):
-    smooth = np.broadcast_to(np.linspace(20, 200, 32)[:, None], (3, 3, 32, 32)).astype(np.uint8)
-    folder = write_folder(tmp_path, smooth, lambda v, u: f"a_{v}_{u}.jpg")
-    np.testing.assert_allclose(read_light_field(folder), smooth / 255, atol=0.02)
-
-
 def test_sixteen_bit_colour_keeps_all_its_bits(tmp_path):
     pixels = np.random.default_rng(3).integers(0, 65536, (11, 13, 3), dtype=np.uint16)
     np.testing.assert_array_equal(read_picture(write_png16(tmp_path / "deep.png", pixels)), pixels)
@@ -144,13 +128,6 @@ def test_a_lenslet_picture_gives_its_lit_centre_views(tmp_path):
         read_light_field(path, lens=(9, 9))
 
 
-def test_another_lens_grid_is_read_when_it_is_given(tmp_path):
-    lenslet = np.random.default_rng(5).integers(0, 256, (15, 20), dtype=np.uint8)
-    Image.fromarray(lenslet).save(tmp_path / "lens.png")
-    field = read_light_field(tmp_path / "lens.png", lens=(5, 5))
-    np.testing.assert_allclose(field.values[1, 3], lenslet[1::5, 3::5] / 255, atol=1e-6)
-
-
 @pytest.mark.parametrize("suffix", [".nc", ".h5", ".zarr"])
 @pytest.mark.parametrize("colour", [False, True])
 def test_a_written_light_field_comes_back(tmp_path, suffix, colour):
@@ -171,14 +148,6 @@ def test_of_several_arrays_the_estimate_is_the_light_field(tmp_path):
     xr.Dataset(fields).to_netcdf(tmp_path / "e.nc", engine="h5netcdf")
     np.testing.assert_array_equal(read(tmp_path / "e.nc").values, values[0])
     np.testing.assert_array_equal(read(tmp_path / "e.nc", variable="deviation").values, values[1])
-
-
-def test_parameters_of_the_benchmark_are_kept_in_metres(tmp_path):
-    folder = write_folder(tmp_path, VIEWS, NAMES["hci"])
-    write_parameters(folder)
-    attrs = read_light_field(folder).attrs
-    assert attrs["baseline_m"] == pytest.approx(0.05)
-    assert attrs["focus_distance_m"] == pytest.approx(10)
 
 
 @pytest.mark.parametrize("endian", ["<", ">"])
@@ -259,12 +228,6 @@ def test_true_disparity_brings_real_views_onto_the_centre_view(real_data):
             for s, t in ((1, 1), (-1, -1))
         ]
         assert errors[0] < 0.4 * errors[1]
-
-
-def test_in_the_real_capture_the_foreground_is_nearer(real_data):
-    field = read_light_field(real_data / "lf/lytro_books_5x5_stride2")
-    board, wall = field[:, :, 100:300, 180:430], field[:, :, 20:160, 480:600]
-    assert np.median(view_shifts(board)) > np.median(view_shifts(wall)) + 0.4
 
 
 def test_light_field_splits_hold(real_data):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tracemalloc
 import zipfile
 import zlib
@@ -12,7 +11,6 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-import tifffile
 import zarr
 from PIL import Image
 
@@ -129,30 +127,6 @@ def test_a_codec_that_can_run_code_is_refused(cube, tmp_path, place):
     for reader in (read, read_dataset):
         with pytest.raises(DataError, match="pickle"):
             reader(path)
-
-
-class Runs:
-    """What unpickling it would do."""
-
-    def __reduce__(self):
-        return os.mkdir, (os.environ["POISON"],)
-
-
-def test_objects_in_numpy_files_are_not_unpickled(tmp_path, monkeypatch):
-    monkeypatch.setenv("POISON", str(tmp_path / "ran"))
-    np.savez(tmp_path / "a.npz", cube=np.array([Runs()], dtype=object))
-    np.save(tmp_path / "a.npy", np.array([Runs()], dtype=object), allow_pickle=True)
-    for name in ("a.npz", "a.npy"):
-        with pytest.raises(DataError):
-            read_array(tmp_path / name)
-    assert not (tmp_path / "ran").exists()
-
-
-def test_entities_in_ome_are_refused(tmp_path):
-    xml = '<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a "aa">]><OME xmlns="o"><Image ID="&a;"/></OME>'
-    tifffile.imwrite(tmp_path / "a.ome.tif", np.zeros((5, 6), np.uint16), description=xml, metadata=None)
-    with pytest.raises(DataError, match=r"a\.ome\.tif"):
-        read_array(tmp_path / "a.ome.tif")
 
 
 def test_depth_beyond_float32_is_unknown(tmp_path):

@@ -54,17 +54,6 @@ def test_colours_are_those_of_the_photograph(name):
     assert error.mean() < 3e-4
 
 
-def test_colours_stay_below_what_an_eye_can_tell():
-    import colour
-
-    scene = rendered_scene("astronaut", wavelengths=FIVE_NM, size=(64, 64))
-    seen = np.einsum("cl,lyx->yxc", measured.rgb_observer(), scene.reflectance.values)
-    truth = resample.area_average(np.moveaxis(linear_rgb("astronaut"), -1, 0).copy(), (64, 64))
-    to_xyz = colour.RGB_COLOURSPACES["sRGB"].matrix_RGB_to_XYZ
-    labs = [colour.XYZ_to_Lab(np.clip(c, 0, 1) @ to_xyz.T) for c in (seen, np.moveaxis(truth, 0, -1))]
-    assert colour.delta_E(*labs, method="CIE 2000").max() < 0.5
-
-
 def test_radiance_is_reflectance_times_illuminant():
     scene = rendered_scene("chelsea", size=(60, 60), illuminant="A")
     assert scene.attrs["illuminant"] == "A"
@@ -130,28 +119,12 @@ def test_spectra_are_as_diverse_as_real_ones(scenes, real_data):
     assert np.median([_unexplained(s.radiance.values) for s in scenes.values()]) < 1.5 * max(map(_unexplained, cubes))
 
 
-def test_reflectances_are_as_smooth_as_measured_ones(scenes):
-    def roughness(spectra):
-        return np.linalg.norm(np.diff(spectra, 2, axis=0)) / np.linalg.norm(spectra)
-
-    real = roughness(measured.reflectances("test")[:, ::2].T)
-    for scene in scenes.values():
-        assert roughness(scene.reflectance.values.reshape(31, -1)) < 2.5 * real
-
-
 def test_measured_depth_follows_the_calibration():
     depth, disparity = motorcycle_depth(), skimage.data.stereo_motorcycle()[2]
     known = np.isfinite(disparity)
     assert np.array_equal(np.isfinite(depth), known)
     # Similar triangles: (d + Δcx) / f = B / Z.
     np.testing.assert_allclose((disparity[known] + 31.086) * depth[known], 994.978 * 0.193001, rtol=1e-5)
-
-
-def test_staged_depth_has_planes_and_edges():
-    depth = rendered_scene("astronaut", size=(256, 256)).depth.values
-    steps = np.abs(np.diff(1 / depth, axis=1))
-    assert np.median(steps) < 0.005
-    assert np.percentile(steps, 99.5) > 0.05
 
 
 def test_bands_are_means_over_their_width():
@@ -175,28 +148,23 @@ def test_area_averages_keep_the_mean(old, new):
         np.testing.assert_allclose(resample.area_average(image, (new, new)), blocks, rtol=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("settings", "named"),
-    [
-        ({"name": "eileen"}, "astronaut"),
-        ({"size": (1024, 10)}, "512 × 512"),
-        ({"size": (0, 10)}, "size"),
-        ({"wavelengths": [450, 550]}, "1e-9"),
-        ({"wavelengths": [550e-9, 450e-9]}, "ascending"),
-        ({"wavelengths": []}, "wavelengths"),
-        ({"illuminant": "sun"}, "D65"),
-        ({"seed": -1}, "seed"),
-        ({"seed": 0.5}, "seed"),
-    ],
-)
-def test_impossible_requests_are_refused_by_name(settings, named):
-    with pytest.raises(SettingError, match=named):
-        rendered_scene(**{"name": "astronaut", **settings})
-
-
 def test_uneven_bands_and_odd_sizes_are_rendered():
     bands = np.array([423e-9, 471e-9, 520e-9, 650e-9])
     scene = rendered_scene("chelsea", wavelengths=bands, size=(37, 90))
     assert scene.radiance.shape == (4, 37, 90)
     np.testing.assert_array_equal(scene.wavelength, bands)
     assert rendered_scene("chelsea", wavelengths=BANDS_12).radiance.shape == (12, 300, 451)
+
+
+@pytest.mark.parametrize(
+    ("settings", "where"),
+    [
+        ({"name": "eileen"}, "name"), ({"size": (1024, 10)}, "size"), ({"size": (0, 10)}, "size"),
+        *(({"wavelengths": waves}, "wavelengths") for waves in ([450, 550], [550e-9, 450e-9], [])),
+        ({"illuminant": "sun"}, "illuminant"), ({"seed": -1}, "seed"), ({"seed": 0.5}, "seed"),
+    ],
+)  # fmt: skip
+def test_impossible_requests_are_refused_by_name(settings, where):
+    with pytest.raises(SettingError) as caught:
+        rendered_scene(**{"name": "astronaut", **settings})
+    assert caught.value.where == where

@@ -75,12 +75,6 @@ def test_a_rendered_scene_is_read_for_the_camera_that_is_named():
     assert 0.5 <= scene["depth"].min() < 0.6 < 1.5 < scene["depth"].max() <= 2.0
 
 
-def test_an_unknown_kind_of_scene_is_refused():
-    with pytest.raises(SettingError) as caught:
-        read_scene("coffee", "radar")
-    assert caught.value.where == "kind"
-
-
 def test_a_cube_is_placed_only_in_a_range_of_depths(tmp_path):
     write_dataset(load_scene("coffee", size=(16, 20)).to_dataset(name="radiance"), tmp_path / "cube.nc")
     with pytest.raises(SettingError) as caught:

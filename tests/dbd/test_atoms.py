@@ -5,7 +5,7 @@ import pytest
 
 from tests.dbd.loops import KINDS, alone, lifted, noise, scattered, slopes, small
 from tmca.dbd.atoms import Atoms
-from tmca.dbd.channel import each_atom, paths, relative_residual, residual, with_fitted_weights, with_weights
+from tmca.dbd.channel import each_atom, paths, relative_residual, residual, with_fitted_weights
 from tmca.errors import SettingError
 
 
@@ -49,11 +49,6 @@ def test_a_point_has_the_coordinates_that_show(kind, axes):
     np.testing.assert_array_equal(atoms.seen(atoms.full(points)), points)
 
 
-def test_absorbed_dopplers_can_be_kept():
-    problem = small("block")
-    assert Atoms(problem.sources[1], problem.shape, every_axis=True).axes == ("delay", "doppler")
-
-
 def test_samples_on_which_nothing_shows_are_refused():
     with pytest.raises(SettingError) as caught:
         Atoms(small("block").sources[1], (1, 5, 1))
@@ -69,34 +64,12 @@ def test_a_residual_is_what_the_atoms_leave(kind):
     assert relative_residual(channels, problem.y) == pytest.approx(np.linalg.norm(left) / np.linalg.norm(y))
 
 
-def test_weights_come_from_one_vector():
-    problem = small("block")
-    channels = scattered(problem, 3)
-    vector = np.concatenate([one.weights.reshape(-1) for one in channels])
-    for before, after in zip(channels, with_weights(channels, 2 * vector), strict=True):
-        np.testing.assert_array_equal(after.weights, 2 * before.weights)
-    assert [one.unknowns for one in channels] == [3 * (2 * 2 + 2), 3 * (2 * 10 + 1)]
-
-
 def test_fitted_weights_leave_nothing_that_the_atoms_could_explain():
     problem = small("shared")
     channels = with_fitted_weights(scattered(problem, 3), problem.y)
     left = residual(channels, problem.y)
     for one in channels:
         np.testing.assert_allclose(one.linear().conj().T @ left, 0, atol=1e-10)
-
-
-def test_points_that_are_there_are_not_added():
-    radar = scattered(small("shared"), 3)[0]
-    more = radar.added(radar.positions[1] + np.array([[1e-4, 0], [0.2, 0]]))
-    assert (len(more), len(radar)) == (4, 3)
-    np.testing.assert_array_equal(more.weights[-1], 0)
-
-
-def test_some_atoms_may_be_taken():
-    radar = scattered(small("shared"), 3)[0]
-    np.testing.assert_array_equal(radar.without(1).positions, radar.positions[[0, 2]])
-    np.testing.assert_array_equal(radar.taken(radar.strengths > 0).weights, radar.weights)
 
 
 def test_twins_merge_across_the_edge_and_keep_their_signal():
@@ -107,9 +80,3 @@ def test_twins_merge_across_the_edge_and_keep_their_signal():
     assert paths(merged) == (1, 2)
     before, after = residual(channels, problem.y), residual(merged, problem.y)
     assert np.linalg.norm(after - before) < 0.02 * np.linalg.norm(before)
-
-
-def test_the_strongest_of_a_cluster_stays():
-    places = [[0.30, 0.5], [0.32, 0.5], [0.34, 0.5]], [[0.1, 0.2]]
-    radar, _ = lifted(small("shared"), places, ([[1, 0], [10, 0], [0, 1]], [[1, 1]]))
-    np.testing.assert_array_equal(radar.merged(0.5).positions, [[0.32, 0.5]])

@@ -1,6 +1,5 @@
 """A certificate is a polynomial that anybody can check; where there is none, that is said."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -39,17 +38,6 @@ def test_a_certificate_takes_the_directions_of_the_weights_and_stays_below_one(m
     for atoms in (one.atoms for one in channels):
         norms = [np.linalg.norm(polynomial(atoms.source, found.q, full(atoms, x[: len(atoms.axes)]))) for x in spots]
         assert max(norms) <= 1 + 1e-6
-
-
-def test_a_certificate_keeps_to_the_weights_of_the_sources():
-    problem = simulate(M=9, P=5, J=2, targets=1, paths=1, seed=2)
-    sources = tuple(replace(one, weight=w) for one, w in zip(problem.sources, (0.8, 1.2), strict=True))
-    channels = true_atoms(replace(problem, sources=sources))
-    found = certificate(channels)
-    assert found.certified
-    for atoms, point, weight in each_atom(channels):
-        f = polynomial(atoms.source, found.q, full(atoms, point))
-        np.testing.assert_allclose(f, atoms.source.weight * weight / np.linalg.norm(weight), atol=1e-6)
 
 
 def test_opposite_atoms_closer_than_a_tenth_of_a_cell_are_refuted():
@@ -98,14 +86,6 @@ def test_an_optimum_among_others_is_not_the_only_one():
     assert not any("certified" in note for note in alone.notes)
 
 
-def test_bounds_that_can_just_not_be_kept_refute_too():
-    """The least norm stalls here: samples whose truth is one per cent above the optimum."""
-    problem = simulate(M=9, P=5, J=2, targets=3, paths=1, seed=1)
-    assert certificate(true_atoms(problem)).status == "refuted"
-    total = sum(np.abs(one.amplitudes).sum() for one in problem.truth)
-    assert solve_admm(problem).value < 0.995 * total
-
-
 def test_nobody_certifies_nothing_or_what_is_too_large(monkeypatch):
     problem = simulate(M=7, P=4, J=2, targets=1, paths=1, messages="block", seed=1)
     empty = certificate(no_paths(problem))
@@ -117,6 +97,9 @@ def test_nobody_certifies_nothing_or_what_is_too_large(monkeypatch):
     assert large.level > 1 + 1e-6
 
 
-def test_a_certificate_is_not_looked_for_where_nobody_asks():
-    assert solve(simulate(M=7, P=4, J=2, targets=1, paths=1), certify=False).certificate is None
-    assert solve(simulate(M=7, P=4, J=2, targets=1, paths=1, snr_db=20)).certified is None
+def test_bounds_that_can_just_not_be_kept_refute_too():
+    """The least norm stalls here: samples whose truth is one per cent above the optimum."""
+    problem = simulate(M=9, P=5, J=2, targets=3, paths=1, seed=1)
+    assert certificate(true_atoms(problem)).status == "refuted"
+    total = sum(np.abs(one.amplitudes).sum() for one in problem.truth)
+    assert solve_admm(problem).value < 0.995 * total

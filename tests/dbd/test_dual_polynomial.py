@@ -54,19 +54,6 @@ def test_derivatives_are_finite_differences(kind):
             np.testing.assert_allclose(hessian[at], twice, rtol=1e-3, atol=1e-3 * np.abs(twice).max())
 
 
-@pytest.mark.parametrize("kind", ["shared", "block", "antennas", "three pulses a symbol"])
-def test_ascending_ends_on_a_maximum(kind):
-    for one, square, points in random_ones(kind):
-        tops, values = one.ascend(points)
-        assert np.all((tops >= 0) & (tops < 1))
-        for x, top, value in zip(points, tops, values, strict=True):
-            assert value >= square(x)
-            assert value == pytest.approx(square(top))
-            curvature = slopes(lambda z, square=square: slopes(square, z, 1e-4), top, 1e-4)
-            np.testing.assert_allclose(slopes(square, top), 0, atol=1e-6 * np.abs(curvature).max())
-            assert np.linalg.eigvalsh(curvature).max() < 0
-
-
 @pytest.mark.parametrize("kind", ["shared", "even", "antennas", "one pulse", "one frequency"])
 def test_a_dual_variable_of_one_atom_peaks_there(kind):
     problem = small(kind)
@@ -79,14 +66,6 @@ def test_a_dual_variable_of_one_atom_peaks_there(kind):
         assert levels[0] == pytest.approx(energy)
         assert np.all(levels[1:] < energy)
         assert len(Polynomial(atoms, atoms.signals(point[None], np.ones(1))[0]).peaks(0.9999 * energy)[0]) == 1
-
-
-def test_block_messages_peak_at_the_delay_of_their_one_path():
-    source = Source("known", noise(np.random.default_rng(4), 4, 9, 1), range(4))
-    atoms = Atoms(source, (1, 4, 9))
-    q = atoms.signals(np.array([[0.4321]]), noise(np.random.default_rng(5), 4))[0]
-    points, _ = Polynomial(atoms, q).peaks(0.0)
-    np.testing.assert_allclose(points[0], 0.4321, atol=1e-9)
 
 
 def test_peaks_are_all_the_maxima_above_the_level():

@@ -10,7 +10,7 @@ import pytest
 from tests.dbd.loops import noise, polynomial, small
 from tmca.dbd import simulate
 from tmca.dbd.channel import fit, no_paths, objective, residual
-from tmca.dbd.dual import Gram, positive_part, solve_admm, solve_cvx
+from tmca.dbd.dual import Gram, solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import descend
 from tmca.dbd.noise import largest_level
 
@@ -99,41 +99,6 @@ def test_traces_are_made_one_diagonal_at_a_time(kind):
         np.testing.assert_allclose(gram.unit_traces(matrix), expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_coefficients_make_the_polynomial(kind):
-    problem, rng = small(kind), np.random.default_rng(1)
-    for source in problem.sources:
-        gram, q = Gram(source, problem.shape), noise(rng, *problem.shape)
-        point = (0.37, 0.0 if not source.sees_doppler else 0.81, 0.22)
-        wave = [
-            np.exp(2j * np.pi * ((n - problem.shape[2] // 2) * point[0] + p * point[1] + a * point[2]))
-            for a, p, n in lattice(source, problem.shape)
-        ]
-        np.testing.assert_allclose(gram.coefficients(q.reshape(-1)) @ wave, polynomial(source, q, point), atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_adjoint_is_one(kind):
-    problem, rng = small(kind), np.random.default_rng(2)
-    for source in problem.sources:
-        gram, q = Gram(source, problem.shape), noise(rng, problem.y.size)
-        matrix = noise(rng, gram.unknowns, gram.size)
-        assert np.vdot(gram.coefficients(q), matrix) == pytest.approx(np.vdot(q, gram.adjoint(matrix)))
-        np.testing.assert_allclose(gram.adjoint(gram.coefficients(q)), gram.power() * q)
-
-
-@pytest.mark.parametrize("few", [True, False])
-def test_the_positive_part_is_the_nearest_positive_matrix(few):
-    half = noise(np.random.default_rng(3), 9, 9)
-    matrix = half + half.conj().T
-    found, negative = positive_part(matrix, few)
-    values = np.linalg.eigvalsh(matrix)
-    assert negative == np.sum(values < 0)
-    assert np.linalg.eigvalsh(found).min() > -1e-12
-    assert np.linalg.norm(found - matrix) == pytest.approx(np.linalg.norm(values[values < 0]))
-    assert abs(np.vdot(found, found - matrix)) < 1e-10
-
-
 @pytest.mark.filterwarnings("ignore:Solution may be inaccurate")
 @pytest.mark.parametrize(("kind", "level"), [*((kind, 0.0) for kind in TINY), ("shared", 0.5), ("block", 0.5)])
 def test_both_solvers_reach_the_value_of_the_programme_written_out(kind, level):
@@ -173,12 +138,6 @@ def test_one_gram_matrix_for_all_sources_is_a_restriction():
 def test_the_thesis_gram_gives_the_value_of_the_programme_written_out(solver):
     problem = tiny("two dimensions")
     assert solver(problem, gram="shared").value == pytest.approx(slow_value(problem, shared=True), abs=2e-3)
-
-
-def test_a_stop_ends_the_iterations():
-    asked = []
-    solve_admm(tiny("shared"), stop=lambda q: asked.append(q.shape) or len(asked) == 2)
-    assert asked == [(1, 3, 4), (1, 3, 4)]
 
 
 @pytest.mark.parametrize("kind", ["shared", "block"])

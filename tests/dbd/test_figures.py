@@ -43,15 +43,6 @@ def test_a_plane_shows_unit_norms_where_paths_are():
     assert figure.axes[-1].get_ylabel() == "‖f‖ / weight; black line: 0.98"
 
 
-def test_block_messages_are_drawn_over_the_delay():
-    problem = simulate(M=13, P=4, J=1, targets=1, paths=2, seed=1, messages="block", basis="gaussian")
-    _, axes = drawn(solve(problem, certify=False))
-    link = axes["communications: norm of the dual polynomial, no certificate"]
-    assert not link.images
-    assert link.get_xlabel() == "normalised delay"
-    np.testing.assert_allclose(np.sort(line(link, "estimate")[:, 0]), np.sort(problem.truth[1].points[:, 0]), atol=1e-6)
-
-
 def test_a_scene_of_antennas_without_truth_has_units_and_says_at_which_angle():
     problem = simulate(M=7, P=4, J=2, targets=1, paths=1, antennas=3, seed=2)
     scales = Units(3e-6, 2e5, 77e9)
@@ -63,3 +54,12 @@ def test_a_scene_of_antennas_without_truth_has_units_and_says_at_which_angle():
     delay = problem.truth[0].points[0, 0]
     assert line(radar, "estimate")[0, 0] == pytest.approx(delay * 3e-6 * 299_792_458 / 2)
     assert not any(one.get_label() == "truth" for one in radar.lines)
+
+
+def test_block_messages_are_drawn_over_the_delay():
+    problem = simulate(M=13, P=4, J=1, targets=1, paths=2, seed=1, messages="block", basis="gaussian")
+    _, axes = drawn(solve(problem, certify=False))
+    link = axes["communications: norm of the dual polynomial, no certificate"]
+    assert not link.images
+    assert link.get_xlabel() == "normalised delay"
+    np.testing.assert_allclose(np.sort(line(link, "estimate")[:, 0]), np.sort(problem.truth[1].points[:, 0]), atol=1e-6)

@@ -57,14 +57,6 @@ def test_beyond_the_prefix_an_interval_still_hears_the_message_before(kind, late
     np.testing.assert_allclose(received.signal(v.reshape(-1)), heard, atol=1e-12)
 
 
-def test_no_samples_late_is_on_time_and_an_interval_late_is_the_message_before():
-    source = small("shared").sources[1]
-    before = noise(np.random.default_rng(0), 7, 2)
-    np.testing.assert_allclose(beyond_prefix(source, before, 0).rows, source.rows, atol=1e-13)
-    whole = beyond_prefix(source, before, 7).rows
-    np.testing.assert_allclose(whole, np.concatenate([before[None], source.rows[:-1]]), atol=1e-13)
-
-
 def test_within_the_prefix_a_lag_of_samples_is_a_ramp():
     source = small("shared").sources[1]
     v = noise(np.random.default_rng(1), 2)
@@ -84,12 +76,3 @@ def test_of_a_block_message_that_is_heard_in_part_only_what_shows_counts(late, c
     source = small("block", basis="gaussian").sources[1]
     received = beyond_prefix(source, noise(np.random.default_rng(0), 7, 2), late)
     assert received.rows.shape == (5, 7, columns)  # six messages of two coefficients
-
-
-def test_a_pulse_at_the_start_of_an_interval_is_not_heard_of_the_message_before():
-    block = small("block").sources[1]
-    impulse_and_more = np.exp(-2j * np.pi * np.outer(np.random.default_rng(0).random(7), [0, 1]))
-    received = beyond_prefix(block, impulse_and_more, 3)
-    assert received.rows.shape[2] == 11
-    window = np.abs(np.fft.ifft(np.fft.ifftshift(received.rows[0, :, 0])))
-    np.testing.assert_allclose(window[3:], 0, atol=1e-14)

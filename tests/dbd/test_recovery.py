@@ -68,13 +68,6 @@ def test_what_was_found_makes_the_samples_again(case):
         np.testing.assert_allclose(one.signal, source.signal(one.waveform), atol=1e-12)
 
 
-def test_axes_that_do_not_exist_are_nan():
-    flat = recovered("shared")["radar"].points
-    assert np.isnan(flat[:, 2]).all()
-    assert np.isfinite(flat[:, :2]).all()
-    assert np.isnan(recovered("one pulse")["radar"].points[:, 1:]).all()
-
-
 def test_dopplers_of_block_messages_count_from_the_strongest_path():
     fading = of("block", M=11, P=4, J=1, targets=1, basis="gaussian", amplitudes=(0.4, 1.0), seed=3)
     recovery = solve(fading, certify=False)
@@ -83,14 +76,6 @@ def test_dopplers_of_block_messages_count_from_the_strongest_path():
     assert not recovery["radar"].relative_doppler
     assert link.points[np.argmax(np.abs(link.amplitudes)), 1] == 0
     assert any("absorb the absolute Doppler" in note for note in recovery.notes)
-
-
-@pytest.mark.parametrize("scale", [1e-10, 1e8])
-def test_samples_may_be_in_any_unit(scale):
-    problem = of("shared")
-    recovery = solve(replace(problem, y=scale * problem.y), certify=False)
-    assert recovery.exact
-    assert recovery.score().success
 
 
 def louder(problem, gains):
@@ -109,11 +94,6 @@ def test_the_weaker_signal_is_found_beside_the_stronger(gains, messages):
     recovery = solve(louder(problem, gains), certify=False)
     assert recovery.exact
     assert recovery.score().success
-
-
-def test_paths_of_one_source_may_be_26_db_apart():
-    wins = [solve(of("shared", amplitudes=(0.05, 1.0), seed=s), certify=False).score().success for s in range(4)]
-    assert wins == [True] * 4
 
 
 @pytest.mark.parametrize("scale", [1e-2, 30.0])
@@ -142,14 +122,6 @@ def test_guard_carriers_carry_nothing(method):
     if method == "sdp":
         with pytest.raises(SettingError, match="8 samples that no basis reaches, expected zeros there"):
             solve(Problem(problem.y, sources, 0.0), method)
-
-
-def test_a_programme_that_has_not_converged_says_so(monkeypatch):
-    problem = simulate(M=7, P=4, J=2, targets=1, paths=1, seed=1)
-    monkeypatch.setattr(solving, "solve_admm", partial(solving.solve_admm, iterations=50))
-    assert any("has not converged: residual" in note for note in solve(problem, "sdp", early=False).notes)
-    monkeypatch.undo()
-    assert not any("converged" in note for note in solve(problem, "sdp", early=False).notes)
 
 
 def test_more_unknowns_than_samples_mean_nothing():
@@ -191,13 +163,6 @@ def test_the_semidefinite_programme_takes_noise_and_the_thesis_gram():
     by_dual, by_atoms = solve(problem, "sdp", gram="shared"), solve(problem)
     for one, other in zip(by_dual.sources, by_atoms.sources, strict=True):
         np.testing.assert_allclose(one.points, other.points, atol=1e-6)
-
-
-def test_balanced_weights_are_those_of_block_messages():
-    problem = of("block", M=15, P=4, seed=2)
-    recovery = solve(problem, weights="balanced", certify=False)
-    assert [one.weight for one in recovery.problem.sources] == [1.0, pytest.approx(4**-0.25)]
-    assert recovery.score().success
 
 
 @pytest.mark.parametrize(
@@ -271,3 +236,11 @@ def test_good_samples_and_those_that_may_be_noise_alone_are_not_told_of(snr_db, 
     with warnings.catch_warnings():
         warnings.simplefilter("error", LittleExplained)
         solve(replace(problem, sigma=problem.sigma if sigma else None), certify=False)
+
+
+def test_a_programme_that_has_not_converged_says_so(monkeypatch):
+    problem = simulate(M=7, P=4, J=2, targets=1, paths=1, seed=1)
+    monkeypatch.setattr(solving, "solve_admm", partial(solving.solve_admm, iterations=50))
+    assert any("has not converged: residual" in note for note in solve(problem, "sdp", early=False).notes)
+    monkeypatch.undo()
+    assert not any("converged" in note for note in solve(problem, "sdp", early=False).notes)

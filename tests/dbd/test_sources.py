@@ -60,10 +60,6 @@ def test_impossible_sources_are_refused(error, where, given):
     assert caught.value.where == where
 
 
-def test_a_pulse_may_be_silent_where_others_carry_the_same_message():
-    assert Source("x", SILENT, SAME).unknowns == 2
-
-
 @pytest.mark.parametrize("shape", [(35,), (5, 7), (1, 5, 7)])
 def test_samples_may_come_as_a_vector_a_matrix_or_with_antennas(shape):
     y = noise(np.random.default_rng(2), *shape)

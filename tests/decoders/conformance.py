@@ -6,8 +6,8 @@ from functools import cache
 import pytest
 import torch
 
-from tests.priors.test_spectral_depth import camera as depth_camera
-from tests.priors.test_spectral_depth import prior_of
+from tests.operators.test_window_moments import camera as depth_camera
+from tests.operators.test_window_moments import prior_of
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import Weights, build_network, decode, make_decoder
@@ -21,16 +21,16 @@ SENSOR = Sensor(read_noise=0.02)
 KINDS = ("spectral", "light-field", "spectral-depth")
 
 
-def camera_for(cls, kind):
+def camera_for(cls, kind, buckets=1):
     if cls.moving:
         return SpectralCamera(
             1, SIZE, slots=4, aperture=torch.ones(4, *SIZE), shutter="one-hot", dispersion=0.0, sensor=SENSOR
         )
     if kind == "spectral":
-        return SpectralCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR)
+        return SpectralCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR, buckets=buckets)
     if kind == "light-field":
-        return LightFieldCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR)
-    return depth_camera(2, size=(23, 25))
+        return LightFieldCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR, buckets=buckets)
+    return depth_camera(2, size=(23, 25)).replace(buckets=buckets)
 
 
 def values_for(camera, seed=0):
@@ -66,22 +66,23 @@ def prior_for(prior_kind, kind):
 
 
 @cache
-def weights_for(kind):
+def weights_for(kind, buckets=1):
     torch.manual_seed(0)
-    camera = camera_for(make_decoder("network", kind).__class__, kind)
+    camera = camera_for(make_decoder("network", kind).__class__, kind, buckets)
     if kind == "spectral-depth":
         return Weights.of(build_depth_network({"start": "snapshot", "widths": [4, 6], "blocks": 1}, camera), camera)
     settings = {"kind": "unet", "widths": [4, 6], "blocks": 1}
     if kind == "light-field":
         settings = {"kind": "spatial-angular", "width": 4, "blocks": 1, "views": [3, 3]}
-    return Weights.of(build_network(bands=camera.channels, start="dagger", **settings).eval(), camera)
+    settings |= {"buckets": buckets, "start": "dagger"}
+    return Weights.of(build_network(bands=camera.channels, **settings).eval(), camera)
 
 
-def settings_for(cls, kind):
+def settings_for(cls, kind, buckets=1):
     """Few iterations, and weights where there is a network."""
     names = {setting.name for setting in fields(cls)}
     few = {"iterations": 3} if "iterations" in names else {}
-    return few | ({"weights": weights_for(kind)} if cls.name == "network" else {})
+    return few | ({"weights": weights_for(kind, buckets)} if cls.name == "network" else {})
 
 
 def case(cls, kind):
@@ -167,6 +168,23 @@ def check_double_precision(cls, kind):
         torch.testing.assert_close(double.float(), single, atol=2e-2, rtol=1e-2)
 
 
+def check_two_buckets(cls, kind):
+    """The snapshot of both buckets is decoded, not that of the first alone; who cannot says so."""
+    camera = camera_for(cls, kind, buckets=2)
+    if cls.moving:
+        with pytest.raises(SettingError) as refusal:
+            cls(**settings_for(cls, kind)).prepare(camera.replace(buckets=2))
+        assert refusal.value.where == "buckets"
+        return
+    values, settings = values_for(camera), settings_for(cls, kind, 2)
+    prepared = make_decoder(cls, kind, settings).prepare(camera, prior_for(cls.prior_kind, kind))
+    estimate = prepared(values).values
+    assert estimate.isfinite().all()
+    other = torch.cat((values[:, : values.shape[1] // 2], 1.1 * values[:, values.shape[1] // 2 :]), 1)
+    untrained = cls.name == "network" and kind == "spectral-depth"  # it answers zero
+    assert untrained or not torch.equal(prepared(other).values, estimate)
+
+
 CHECKS = (
     check_shape_and_determinism,
     check_a_batch_is_its_snapshots_one_by_one,
@@ -174,4 +192,5 @@ CHECKS = (
     check_darkness_gives_numbers,
     check_refusals,
     check_double_precision,
+    check_two_buckets,
 )

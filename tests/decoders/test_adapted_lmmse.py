@@ -4,7 +4,6 @@ import pytest
 import torch
 
 from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_scene, snapshot
-from tmca.decoders.adapted import Tiling
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.expected import error_moments, refitted
 from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
@@ -98,24 +97,6 @@ def test_its_deviation_is_the_size_of_its_error():
     found = adapted(PRIOR)(y, taps, 0.03, uncertainty=True)
     error = (found.estimate[0] - scene).square().mean().sqrt()
     assert found.deviation.square().mean().sqrt() == pytest.approx(float(error), rel=0.15)
-
-
-@pytest.mark.parametrize(
-    ("size", "side", "counts"), [((64, 96), 32, (2, 3)), ((33, 47), 20, (2, 2)), ((9, 9), 50, (1, 1))]
-)
-def test_tiles_share_out_the_blocks_and_cover_the_frame(size, side, counts):
-    tiling = Tiling.of(size, side)
-    assert tiling.counts == counts
-    grid = BlockGrid.cover(BlockModel.of(camera("single disperser", *size), (3, 4, 12)), size, (4, 8))
-    shared = tiling.places(grid)
-    assert sorted(place for places in shared.values() for place in places) == sorted(grid.positions)
-    seen = torch.zeros(size, dtype=torch.int64)
-    for tile in tiling.tiles:
-        seen[tiling.area(tile, 0, (1, 1))] += 1
-        rows, columns = tiling.area(tile, 3, (4, 12)) if size != (9, 9) else tiling.area(tile, 3, (4, 9))
-        assert rows.stop - rows.start >= 4
-        assert columns.stop - columns.start >= min(12, size[1])
-    assert (seen == 1).all()
 
 
 def test_tiles_follow_statistics_that_change_over_the_image(monkeypatch):

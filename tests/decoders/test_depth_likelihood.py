@@ -4,12 +4,12 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
+from tests.operators.test_window_moments import BENCH, camera, matrix, parts, prior_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders import PatchLikelihood
+from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
 
@@ -143,7 +143,7 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     decoder, taken = textured((26, 31), sensor)
     found = []
     for together in (1, 25, 2048):
-        monkeypatch.setattr("tmca.decoders.windows._BATCH", together)
+        monkeypatch.setattr("tmca.operators.windows._BATCH", together)
         found.append(decoder(taken))
         alone = decoder(taken[1:])
         torch.testing.assert_close(alone.depth, found[-1].depth[1:], atol=1e-6, rtol=1e-6)

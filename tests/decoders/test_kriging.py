@@ -52,25 +52,6 @@ def test_every_place_and_time_is_the_solution_of_the_kriging_system(count):
             np.testing.assert_allclose([found.mean[t, p], found.variance[t, p]], [mean, variance], rtol=1e-9)
 
 
-def test_a_known_level_is_a_gaussian_process():
-    """Ordinary kriging of values whose fitted level is zero is scikit-learn's regression with zero mean."""
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import Matern
-
-    samples, scene = scattered(30), Covariance(2.0, 5.0, 1.0, 0.05)
-    points = samples.points.numpy()
-    inverse = np.linalg.inv(covariances(points, points, scene) + scene.noise * np.eye(30))
-    level = inverse.sum(0) @ samples.values.numpy() / inverse.sum()
-    centred = Samples(samples.points, samples.values - level)
-    process = GaussianProcessRegressor(Matern([2.0, 2.0, 5.0], nu=1.5), alpha=scene.noise, optimizer=None)
-    process.fit(points, centred.values.numpy())
-    place, time = torch.tensor([[4.0, 3.0]], dtype=torch.float64), torch.tensor([11.0], dtype=torch.float64)
-    found = krige(centred, place, time, scene, neighbours=30)
-    wanted, spread = process.predict(np.array([[4.0, 3.0, 11.0]]), return_std=True)
-    np.testing.assert_allclose(found.mean[0, 0], wanted[0], rtol=1e-9)
-    assert float(found.variance[0, 0]) >= spread[0] ** 2 - 1e-12  # the level is unknown here
-
-
 def test_what_is_left_out_is_what_the_others_say():
     samples = scattered(25)
     found = krige(samples, samples.points[:, :2], samples.points[:1, 2], SCENE, neighbours=25)

@@ -86,16 +86,6 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     torch.testing.assert_close(shared.deviation, alone.deviation, atol=1e-9, rtol=0)
 
 
-def test_a_tiled_code_is_factored_once_per_phase():
-    from tmca.decoders.lmmse import equal_windows
-    from tmca.priors import BlockGrid
-
-    taps = camera("single disperser", 12, 100, period=(3, 4))
-    grid = BlockGrid.cover(BlockModel.of(taps, (3, 4, 12)), (12, 100), (4, 8))
-    groups = equal_windows(grid, grid.pad_code(taps.code))
-    assert sum(map(len, groups)) == len(grid.positions) > 3 * len(groups)
-
-
 @pytest.mark.parametrize(
     ("period", "stride"), [(None, (2, 8)), ((3, 4), (1, 8)), ((2, 6), (2, 6)), ((5, 9), (1, 8)), ((1, 1), (2, 8))]
 )
@@ -105,14 +95,6 @@ def test_blocks_step_by_what_fits_the_tile_of_the_code(period, stride):
     prior = narrower(4, 12)
     found, expected = patches(prior)(y, taps, 0.02), patches(prior, stride=stride)(y, taps, 0.02)
     torch.testing.assert_close(found.estimate, expected.estimate, atol=0, rtol=0)
-
-
-def test_measurements_without_noise_are_met():
-    taps = camera("dual disperser", 8, 12)
-    scene = smooth_scene(8, 12, seed=7)[None]
-    y = snapshot(taps, scene)
-    estimate = patches(narrower(4, 12), stride=(4, 12))(y, taps).estimate
-    torch.testing.assert_close(snapshot(taps, estimate), y, atol=1e-4, rtol=0)
 
 
 def test_uncertainty_is_calibrated_on_scenes_of_the_prior():

@@ -6,8 +6,6 @@ from torch import Tensor, nn
 
 from tmca.decoders import (
     admm_tv,
-    chambolle_denoiser,
-    module_denoiser,
     nl_means_denoiser,
     per_band,
     pnp_admm,
@@ -47,7 +45,7 @@ def test_a_gaussian_prior_leads_to_the_closed_form_estimate(sigma: float | tuple
     result = pnp_admm(
         camera,
         snapshot,
-        module_denoiser(GaussianDenoiser(mean, covariance)),
+        GaussianDenoiser(mean, covariance),
         noise_sigma=noise,
         sigma=sigma,
         max_iterations=1000,
@@ -79,7 +77,7 @@ def test_sigma_falls_in_equal_ratios_and_is_then_held() -> None:
     assert falling[3:] == [falling[-1]] * 3
 
 
-@pytest.mark.parametrize("make", [tv_denoiser, chambolle_denoiser, nl_means_denoiser])
+@pytest.mark.parametrize("make", [tv_denoiser, nl_means_denoiser])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_denoisers_take_noise_away_from_every_band(make: object, dtype: torch.dtype) -> None:
     clean = torch.full((2, 3, 24, 21), 0.3, dtype=dtype)
@@ -97,12 +95,3 @@ def test_bands_reach_a_library_function_one_by_one_and_in_order() -> None:
     denoise = per_band(lambda band, sigma: seen.append(band) or band + sigma)
     assert torch.equal(denoise(cube, 0.5), cube + 0.5)
     assert [band[0, 0] for band in seen] == [0, 20, 40, 60, 80, 100]
-
-
-def test_a_module_is_told_sigma_as_it_wishes() -> None:
-    cube = torch.ones(2, 3, 4, 5)
-    twice_the_map = nn.Conv2d(4, 3, 1, bias=False)
-    nn.init.zeros_(twice_the_map.weight)
-    nn.init.constant_(twice_the_map.weight[:, 3], 2.0)
-    assert torch.allclose(module_denoiser(twice_the_map, "map")(cube, 0.1), torch.full_like(cube, 0.2))
-    assert torch.equal(module_denoiser(nn.Identity(), "none")(cube, 0.1), cube)

@@ -4,13 +4,10 @@ import importlib
 import json
 import sys
 
-import numpy as np
 import pytest
-import scipy.io
 from conformance import CHECKS
 
 from tmca.cli import main
-from tmca.data import write_split
 from tmca.decoders import DECODERS, decoders_for
 from tmca.decoders.registry import BrokenPlugin, load_plugins
 
@@ -78,20 +75,6 @@ def test_it_reconstructs(plugin, scene, capsys):
     with pytest.raises(SystemExit):
         main(["reconstruct", "s.nc", "-d", "backprojection", "--set", "gain=much", "--out", "f.nc"])
     assert "gain: found 'much', expected float" in capsys.readouterr().err
-
-
-def test_it_is_compared(plugin, tmp_path):
-    from tmca.evaluation.run import run_study
-    from tmca.evaluation.study import read_study
-
-    rng = np.random.default_rng(0)
-    for name in ("a", "b"):
-        scipy.io.savemat(tmp_path / f"{name}.mat", {"cube": rng.random((32, 34, 31))})
-        write_split([tmp_path / f"{name}.mat"], tmp_path / f"{name}.txt")
-    scenes = {"train": [str(tmp_path / "a.txt")], "test": [str(tmp_path / "b.txt")]}
-    study = read_study("spectral").with_(scenes=scenes, reading={"bands": 3}, decoders=["backprojection"])
-    found = run_study(study, tmp_path / "out", tmp_path / "work")
-    assert {row["decoder"] for row in found["rows"]} == {"backprojection"}
 
 
 @pytest.mark.parametrize(("kind", "reading"), [("spectral", {"bands": 3}), ("light-field", {"views": 3})])

@@ -12,16 +12,14 @@ from test_sparse import problem
 from test_tikhonov import operator_of, random_snapshots
 
 import tmca
-from tests.priors.test_spectral_depth import prior_of
+from tests.operators.test_window_moments import prior_of
 from tests.small_scenes import adapted, camera, patches, smooth_scene, snapshot
 from tmca.decoders import (
     PatchLikelihood,
     admm_tv,
     batch_omp,
-    chambolle_denoiser,
     default_weight,
     lasso_admm,
-    module_denoiser,
     pnp_admm,
     total_variation,
     tv_denoiser,
@@ -80,8 +78,6 @@ REFUSED = {
             ({"denoise": lambda cube, sigma: cube[..., 1:]}, "denoise"),
         ],
     ),
-    "chambolle_denoiser": (chambolle_denoiser, [({"strength": 0}, "strength")]),
-    "module_denoiser": (module_denoiser, [({"module": torch.nn.Identity(), "sigma_as": "label"}, "sigma_as")]),
     "subspace_denoiser": (subspace_denoiser, [({"denoise": lambda part, sigma: part, "rank": 0}, "rank")]),
     "tv_prox": (
         lambda weight=1.0, **more: tv_prox(torch.zeros(1, 1, 4, 4), weight, **more),

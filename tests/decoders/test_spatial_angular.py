@@ -6,12 +6,8 @@ from test_networks import decoded, operator_of, scenes, trained
 from torch.nn.functional import conv2d
 
 from tmca.decoders import build_network
-from tmca.decoders.nets.spatial_angular import AngularConv, SpatialAngularBody, grid_of_views
-from tmca.evaluation.study import read_study
+from tmca.decoders.nets.spatial_angular import AngularConv, grid_of_views
 from tmca.sensor import Noise
-from tmca.training import TRAININGS
-
-NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
 
 
 @pytest.mark.parametrize("views", [(3, 3), (5, 5), (1, 3), (7, 1), (5, 3)])
@@ -30,19 +26,6 @@ def test_the_angular_convolution_is_a_convolution_over_the_views_of_each_pixel(v
         torch.testing.assert_close(found[..., row, column].permute(0, 3, 1, 2), expected, rtol=1e-5, atol=1e-5)
 
 
-@pytest.mark.parametrize("batch", [1, 2])
-def test_the_angular_convolution_keeps_the_memory_as_spatial_ones_want_it(batch):
-    layer = AngularConv(16, 16, (5, 5))
-    x = torch.randn(25 * batch, 16, 24, 24).contiguous(memory_format=torch.channels_last)
-    assert layer(x).is_contiguous(memory_format=torch.channels_last)
-
-
-def test_dense_connections_bring_every_block_to_the_last_convolution():
-    body = SpatialAngularBody(2, (3, 3), 4, 3, 1)
-    assert [block.spatial.in_channels for block in body.blocks] == [4, 8, 12]
-    assert body.leave.in_channels == 16
-
-
 @pytest.mark.parametrize("name", ["views, consistent", "views, shared"])
 def test_without_noise_the_estimate_explains_the_snapshot(name):
     camera = operator_of((3, 3), dtype=torch.float64)
@@ -50,14 +33,6 @@ def test_without_noise_the_estimate_explains_the_snapshot(name):
     estimate = decoded(network, camera, snapshot, Noise())
     torch.testing.assert_close(camera.A(estimate), snapshot, rtol=0, atol=1e-10)
     assert (estimate - camera.A_dagger(snapshot)).abs().max() > 1e-3
-
-
-def test_the_noisier_the_snapshot_the_less_the_estimate_follows_it():
-    camera, network = operator_of((3, 3)), trained("views, consistent", (3, 3), spread=0.01)
-    snapshot = camera.A(scenes(camera))
-    start = camera.A_dagger(snapshot + 0.3)
-    misfits = [(camera.A(network(snapshot, camera, Noise(s), start)) - snapshot).abs().mean() for s in (0.0, 0.1, 1.0)]
-    assert misfits[0] < misfits[1] < misfits[2]
 
 
 def test_the_step_is_the_best_linear_one_for_an_error_of_known_size():
@@ -73,24 +48,6 @@ def test_the_step_is_the_best_linear_one_for_an_error_of_known_size():
         estimate = estimate + spread**2 * matrix.T @ inverse @ (snapshot.flatten() - matrix @ estimate)
     found = network(snapshot, camera, Noise(0.1), flat)
     torch.testing.assert_close(found.flatten(), estimate, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        *(pytest.param(own, id=name) for name, own in NETWORKS.items()),
-        *(
-            pytest.param(own["decoder"], id=f"training preset {name}")
-            for name, own in TRAININGS["light-field"].presets.items()
-        ),
-    ],
-)
-def test_a_tile_of_every_preset_takes_a_bounded_number_of_bytes(settings):
-    network = build_network(**{**settings, "bands": 25})
-    own, margin = network.settings, -(-network.reach // network.multiple) * network.multiple
-    cells = ((network.tile + 2 * margin) / own["gather"]) ** 2
-    # the features of all blocks but the last stand beside those that they are joined into
-    assert 4 * 25 * cells * own["width"] * 2 * (own["blocks"] + 1) < 2.5e9
 
 
 def test_a_square_grid_needs_no_name():

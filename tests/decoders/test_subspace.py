@@ -38,18 +38,6 @@ def test_noise_outside_the_subspace_is_gone():
     assert left == pytest.approx(rank / bands, rel=0.15)
 
 
-def test_components_are_denoised_at_the_same_sigma():
-    seen = []
-
-    def denoise(components, sigma):
-        seen.append((tuple(components.shape), sigma))
-        return 0.5 * components
-
-    cubes = torch.stack([low_rank(4), low_rank(3, seed=1)])
-    torch.testing.assert_close(subspace_denoiser(denoise, 4)(cubes, 0.2), 0.5 * cubes, atol=1e-4, rtol=0)
-    assert seen == [((2, 4, 14, 15), 0.2)]
-
-
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
 def test_a_scene_of_few_spectra_is_recovered_better_than_by_total_variation(exposure):
     spectra, places = torch.rand(12, 2, generator=torch.Generator().manual_seed(1)), torch.zeros(2, 40, 41)

@@ -8,9 +8,9 @@ from tmca.applications.example_scenes import flat_error, judge_on, placed_error
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.spectral_depth import drawn_nearness
 from tmca.decoders import PatchLikelihood
+from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import needed_block
 from tmca.sensor import Sensor
 
 BENCH = PhaseMaskBench(window=(9, 9), mask_pixels=32)

@@ -7,7 +7,6 @@ from tests.design.small_designs import BANDS, PRIOR, block_error, designed, tile
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
 from tmca.design import BlockMse
-from tmca.design.expected_error import windows
 from tmca.design.flips import BlockState
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior
@@ -41,15 +40,6 @@ def repeated(small, period):
     """The camera of a frame that its tile fills."""
     codes = {name: getattr(small.codes, name).tile().detach() for name in ("aperture", "shutter")}
     return SpectralCamera(bands=BANDS, size=(12, 30), slots=2, period=period, **codes)
-
-
-@pytest.mark.parametrize("period", [(4, 5), (3, 4), (1, 7)])
-def test_a_tile_repeats_itself_for_ever(period):
-    small = designed(period=period)
-    wide = repeated(small, period)
-    code, cut = small.operator().taps.code, wide.operator().taps.code
-    for top, left in ((0, 0), (2, 3), (5, 11)):
-        torch.testing.assert_close(windows(code, PRIOR.block, [(top, left)])[0], cut[:, top : top + 3, left : left + 9])
 
 
 def test_the_tile_error_is_the_mean_over_its_phases():

@@ -15,14 +15,6 @@ def camera(**settings):
     return SpectralCamera(**{"bands": 3, "size": (6, 14), "slots": 4, **settings})
 
 
-def test_an_open_camera_has_full_light_and_no_contrast():
-    found = measures(camera(aperture="open", shutter="open"), block=(2, 7))
-    assert found.throughput == 1
-    assert found.contrast == 0
-    assert found.levels == {1.0: 1.0}
-    assert found.likeness == 0
-
-
 def test_a_static_code_looks_alike_in_every_band():
     found = measures(camera(slots=1, shutter="open"), block=(2, 7))
     assert found.likeness == pytest.approx(1)

@@ -4,7 +4,6 @@ import pytest
 import torch
 
 from tmca.design import BlockMse, Descent, Effort, MixtureMse, TileMse, descend, designable, search
-from tmca.design.expected_error import phases, windows
 from tmca.errors import SettingError, ShapeError
 from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianMixturePrior, GaussianPrior
@@ -46,29 +45,6 @@ def test_it_is_the_mean_over_components_each_written_out(model, prior, noise):
         for kind in range(2) for gain in range(2)
     )  # fmt: skip
     assert TileMse(MixtureMse.of(prior, model, *noise, least=0)).whole(camera) == pytest.approx(expected, rel=1e-5)
-
-
-def test_it_is_the_error_of_estimates_that_know_the_component(model, prior):
-    """Samples of each component, seen through the code and estimated by its own linear estimator."""
-    read, camera = 0.02, designable("free", 2, (2, 7), bands=BANDS)
-    code = camera.taps().code.detach()
-    places = phases(model, (2, 7))
-    weights = model.complete(windows(code, model.block, places).double())
-    matrix = model.measure(weights[:, None].flatten(0, 1), torch.eye(prior.base.mean.numel()).double()[:, None])
-    error, generator = 0.0, torch.Generator().manual_seed(0)
-    for kind in range(2):
-        for gain in range(2):
-            own = prior.component(kind, gain)
-            drawn = own.sample(4000, seed=5).flatten(1).double() - own.mean.flatten().double()
-            for place in range(len(places)):
-                A = matrix[:, place].mT  # (m, n)
-                S = own.covariance
-                G = A @ S @ A.mT + read**2 * torch.eye(len(A))
-                seen = drawn @ A.mT + read * torch.randn(len(drawn), len(A), generator=generator).double()
-                left = model.in_valid(drawn - seen @ torch.linalg.solve(G, A @ S)).square().mean()
-                error += float(prior.weights[kind, gain] * left) / len(places)
-    found = TileMse(MixtureMse.of(prior, model, read, 0.0, least=0))(code)
-    assert float(found) == pytest.approx(error, rel=0.03)
 
 
 def test_slopes_of_relaxed_codes_are_those_of_differences(model, prior):

@@ -5,7 +5,7 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from tests.priors.test_spectral_depth import BENCH, camera, matrix, parts, prior_of
+from tests.operators.test_window_moments import BENCH, camera, matrix, parts, prior_of
 from tmca.design.spectral_depth import (
     bhattacharyya,
     confusion,
@@ -17,7 +17,7 @@ from tmca.design.spectral_depth import (
     window_covariance,
 )
 from tmca.errors import SettingError
-from tmca.priors.spectral_depth import needed_block
+from tmca.operators.window_moments import needed_block
 from tmca.sensor import Sensor
 
 NOISE = Sensor(read_noise=0.02)
@@ -125,13 +125,6 @@ def test_it_is_what_neighbours_a_fiftieth_of_a_bin_away_tell(planes):
         distance = kullback_leibler(window_covariance(close, PRIOR, 4, contamination=0))[1]
         expected = (distance[0] + distance[2]) / near**2
         assert float(found[plane]) == pytest.approx(float(expected), rel=5e-3)
-
-
-def test_it_is_local_where_planes_are_few_and_far_is_infinite():
-    far = made(planes=3, depth=(0.5, float("inf")))
-    dense = made(planes=13, depth=(0.5, float("inf")))
-    few, many = (depth_information(one, PRIOR, 4, contamination=0) for one in (far, dense))
-    torch.testing.assert_close(few, many[::6], rtol=0.03, atol=0)
 
 
 def test_what_is_expected_of_other_planes_does_not_move():

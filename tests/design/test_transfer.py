@@ -76,24 +76,6 @@ def test_the_memory_of_examples_is_known_before_they_are_learned(examples):
     assert example_bytes(examples.model, len(SCENES)) == sum(form.numel() * form.element_size() for form in forms)
 
 
-def test_what_cannot_be_pooled_is_refused():
-    with pytest.raises(SettingError, match="pooled"):
-        pooled([])
-    with pytest.raises(SettingError, match="weights"):
-        pooled([PRIOR], [0.0])
-    with pytest.raises(ShapeError, match="blocks"):
-        pooled([PRIOR, GaussianPrior.learn([SCENES["a"]], (2, 5))])
-
-
-def test_examples_in_another_light_are_those_that_darker_scenes_teach(examples):
-    dark = learn_examples({n: 0.25 * s for n, s in SCENES.items()}, examples.model, WAVES)
-    moved = examples.under(dark.light)
-    assert moved.light == pytest.approx(dark.light)
-    camera = designed()
-    for name, value in dark.held_out(camera, 0.01, 0.002).items():
-        assert moved.held_out(camera, 0.01, 0.002)[name] == pytest.approx(value, rel=2e-2)
-
-
 def test_less_light_is_more_noise(examples):
     """Error at c times the light: c² times that under 1/c of the read noise and of the shot variance per unit."""
     camera = designed()
@@ -103,6 +85,18 @@ def test_less_light_is_more_noise(examples):
     for light in (0.0, 1.0):
         with pytest.raises(SettingError, match="light"):
             examples.under(light)
+
+
+@pytest.mark.parametrize(
+    ("given", "error"),
+    [
+        (([],), SettingError), (([PRIOR], [0.0]), SettingError),
+        (([PRIOR, GaussianPrior.learn([SCENES["a"]], (2, 5))],), ShapeError),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_pooled_is_refused(given, error):
+    with pytest.raises(error):
+        pooled(*given)
 
 
 def test_no_more_light_than_makes_the_brightest_value_white():

@@ -12,7 +12,7 @@ from tmca.evaluation.grid import CellsFailed
 from tmca.evaluation.run import run_study
 from tmca.evaluation.study import read_study
 
-BANDS = 4
+BANDS, NARROW = 4, {"networks__unet-thesis__decoder__widths": [4, 8, 8]}
 STUDY = read_study("spectral")
 CODES, NOISES = [name for name, code in STUDY.codes.items() if code.learn is None], STUDY.noises
 
@@ -64,7 +64,7 @@ def test_the_comparison_is_whole_resumes_and_keeps_earlier_results(splits, tmp_p
 @pytest.mark.slow
 def test_the_comparison_trains_networks_without_validation_scenes(splits, tmp_path):
     where = {"out": tmp_path / "results", "work": tmp_path / "work"}
-    study = asked(splits, decoders=["unet-thesis"], train__steps=1)
+    study = asked(splits, decoders=["unet-thesis"], train__steps=1, **NARROW)
     with pytest.raises(CellsFailed, match="training"):
         run_study(study, **where)
     larger = [select_bands(rendered_scene(n, size=(72, 80))["radiance"], BANDS) for n in ("rocket", "tissue", "coffee")]

@@ -207,18 +207,23 @@ def test_the_last_file_with_depth_is_withheld_where_another_is_left(tmp_path, sc
     assert withheld_scene([scenes[0], str(tmp_path / "cube.nc"), "coffee"]) is None
 
 
-def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, scenes):
-    def said(*more, train=scenes[0], test=scenes[1]):
-        lists = ["--train", train, "--test", test, "--out", tmp_path / "out", "--work", tmp_path / "work"]
-        return refused(capsys, "compare", "spectral-depth", *lists, *more)
-
-    assert "--decoders" in said("--decoders", "likelihood,guess")
-    assert "a training scene" in said(test=scenes[0])
-    assert "--steps" in said("--steps", "0")
-    assert "at least 96" in said("--side", "0")
-    margins = ("--crop", "64x64", "--decoders", "two-headed")
-    assert "at least 96" in said("--side", "94", *margins)  # 15 pixels around a patch of 64 are 16 in whole tiles
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("--decoders likelihood,guess", "--decoders"),
+        ("--steps 0", "--steps"),
+        ("--side 0", "at least 96"),
+        # 15 pixels around a patch of 64 are 16 in whole tiles
+        ("--side 94 --crop 64x64 --decoders two-headed", "at least 96"),
+        ("--test learned.nc", "a training scene"),
+        ("--test folder/../learned.nc", "a training scene"),
+        ("--train none.nc", "no such"),
+    ],
+)
+def test_wrong_lists_and_decoders_are_refused(capsys, tmp_path, monkeypatch, scenes, more, words):
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
-    assert "a training scene" in said(test=tmp_path / "folder" / ".." / "learned.nc")
-    assert "no such" in said(train=tmp_path / "none.nc")
+    given = {"--train": "learned.nc", "--test": "measured.nc"}
+    lists = [word for pair in given.items() if pair[0] not in more for word in pair]
+    assert words in refused(capsys, "compare", "spectral-depth", *lists, *more.split(), "--out", "out", "--work", "w")
     assert not (tmp_path / "out").exists()

@@ -103,6 +103,7 @@ def test_the_network_needs_weights(kind, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_mixtures")
 @pytest.mark.filterwarnings("ignore::tmca.decoders.OtherCodes")
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_decoder_is_measured(kind, tmp_path):

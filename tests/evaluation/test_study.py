@@ -13,7 +13,7 @@ from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.data.scenes import load_scene
 from tmca.decoders import decode
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
 from tmca.evaluation.study import read_study
 from tmca.sensor import Sensor
 
@@ -91,16 +91,6 @@ def test_what_is_no_study_is_named(tmp_path, changes, where):
     with pytest.raises(SettingError) as stop:
         read_study(written(tmp_path, **changes))
     assert where in str(stop.value.where)
-
-
-def test_files_that_are_no_yaml_are_refused(tmp_path, capsys):
-    (tmp_path / "list.yaml").write_text("- 1\n")
-    (tmp_path / "broken.yaml").write_text("a: [")
-    for name in ("list.yaml", "broken.yaml", "none.yaml"):
-        with pytest.raises(DataError):
-            read_study(tmp_path / name)
-    assert "--decoders" in refused(capsys, "study", written(tmp_path, decoders=["guess"]), "--out", tmp_path / "o")
-    assert not (tmp_path / "o").exists()
 
 
 def documented():

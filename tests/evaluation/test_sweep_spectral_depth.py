@@ -86,12 +86,6 @@ def test_what_makes_no_camera_is_refused(capsys, tmp_path, more, said):
 
 
 @pytest.mark.usefixtures("scenes")
-def test_tiles_larger_than_the_usual_window_are_swept(capsys):
-    main(sweep("--vary", "period=2,14", "--set", "slots=2", "--set", "noise=0.01", "--json"))
-    assert [row["period"] for row in json.loads(capsys.readouterr().out)["rows"]] == [2, 14]
-
-
-@pytest.mark.usefixtures("scenes")
 def test_scenes_that_cannot_be_read_so_are_refused_before_anything_is_measured(capsys, tmp_path):
     with xr.open_dataset("measured.nc") as whole:
         whole[["radiance"]].to_netcdf("bare.nc")
@@ -99,3 +93,9 @@ def test_scenes_that_cannot_be_read_so_are_refused_before_anything_is_measured(c
         assert remedy in refused(capsys, "sweep", "spectral-depth", name, "--vary", "slots=1,2", "--out", "found")
     assert "--placed random" in refused(capsys, "simulate", "spectral-depth", "bare.nc")
     assert not list(tmp_path.glob("found*"))
+
+
+@pytest.mark.usefixtures("scenes")
+def test_tiles_larger_than_the_usual_window_are_swept(capsys):
+    main(sweep("--vary", "period=2,14", "--set", "slots=2", "--set", "noise=0.01", "--json"))
+    assert [row["period"] for row in json.loads(capsys.readouterr().out)["rows"]] == [2, 14]

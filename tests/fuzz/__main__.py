@@ -25,6 +25,7 @@ def main() -> int:
     parser.add_argument("--folder", type=Path, default=Path("build/fuzz"))
     parser.add_argument("--kinds", default="", help="names that contain one of these words, separated by commas")
     parser.add_argument("--seconds", type=float, default=1e9, help="stop each job after these")
+    parser.add_argument("--first", type=int, default=0, help="number of the first damage of every kind")
     parser.add_argument("--regressions", action="store_true", help="read the failures of the past again, nothing else")
     parser.add_argument("--list", action="store_true", help="the kinds")
     asked = parser.parse_args()
@@ -47,7 +48,7 @@ def _fork(asked: argparse.Namespace, kinds: list[str]) -> None:
     for part in range(asked.jobs):
         child = os.fork()
         if not child:
-            campaign.run(asked.folder, kinds, asked.mutations, part, asked.jobs, asked.seconds)
+            campaign.run(asked.folder, kinds, asked.mutations, part, asked.jobs, asked.seconds, asked.first)
             os._exit(0)
         children.append(child)
     for child in children:

@@ -53,7 +53,9 @@ def damaged(seeds: Path, name: str, number: int, folder: Path) -> tuple[Path, st
     for file in seeds.glob(f"{Path(name).stem}.*") if not (seeds / name).is_dir() else [seeds / name]:
         copy(file, folder / file.name)
     rng = np.random.default_rng([crc32(name.encode()), number])
-    words = [damage(folder / name, rng) for _ in range(int(rng.choice([1, 1, 1, 2, 4])))]
+    words: list[str] = []
+    for _ in range(int(rng.choice([1, 1, 1, 2, 4]))):
+        words.append(damage(folder / name, rng, not any(": bytes " in word for word in words)))
     return folder / name, "; ".join(words)
 
 
@@ -64,14 +66,20 @@ def _tried(seeds: Path, name: str, number: int, folder: Path) -> Verdict:
     return judge(KINDS[name], path)
 
 
-def numbers_of(kinds: Sequence[str], count: int) -> Iterator[tuple[str, int]]:
-    """The kinds in turn, as many damages as asked."""
+def numbers_of(kinds: Sequence[str], count: int, first: int = 0) -> Iterator[tuple[str, int]]:
+    """The kinds in turn, as many damages as asked; the first of each kind has the number ``first``."""
     for place in range(count):
-        yield kinds[place % len(kinds)], place // len(kinds)
+        yield kinds[place % len(kinds)], first + place // len(kinds)
 
 
 def run(
-    folder: Path, kinds: Sequence[str], count: int, part: int = 0, parts: int = 1, seconds: float = 1e9
+    folder: Path,
+    kinds: Sequence[str],
+    count: int,
+    part: int = 0,
+    parts: int = 1,
+    seconds: float = 1e9,
+    first: int = 0,
 ) -> Counter[str]:
     """Every ``parts``-th damage of a campaign that its journal does not hold yet; gives how often each end came.
 
@@ -81,10 +89,11 @@ def run(
         count: damages in all.
         part, parts: which share this process does.
         seconds: stop after these.
+        first: number of the first damage of each kind; other numbers are other damages.
     """
     lines_of = folder / f"journal-{part}-of-{parts}.jsonl"
     ends = {(said["kind"], said["number"]): said["end"] for said in journal(lines_of)}
-    mine = [at for place, at in enumerate(numbers_of(kinds, count)) if place % parts == part and at not in ends]
+    mine = [at for place, at in enumerate(numbers_of(kinds, count, first)) if place % parts == part and at not in ends]
     start = time.monotonic()
     with _scratch() as scratch, lines_of.open("a") as lines:
         places = [scratch / f"{place}" for place in range(len(mine))]

@@ -14,7 +14,6 @@ import numpy as np
 
 Rng = np.random.Generator
 _TEXTS = {
-    ".json",
     ".yaml",
     ".yml",
     ".hdr",
@@ -22,11 +21,9 @@ _TEXTS = {
     ".txt",
     ".cfg",
     ".md",
-    ".zattrs",
-    ".zarray",
     ".zgroup",
-    ".zmetadata",
 }
+_JSON = {".json", ".zattrs", ".zarray", ".zmetadata"}
 _HDF5 = {".nc", ".h5", ".mat", ".hdf5"}
 _TOKENS = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?|\"[^\"]*\"|[A-Za-z_]+|[\[\]{}:,=]")
 _WORDS = [
@@ -40,27 +37,44 @@ _VALUES: list[Any] = [
 ]  # fmt: skip
 
 
-def damage(path: Path, rng: Rng) -> str:
-    """Damage a file in place, or one file of a folder, and say how in a few words."""
+def damage(path: Path, rng: Rng, whole: bool = True) -> str:
+    """Damage a file in place, or one file of a folder, and say how in a few words.
+
+    Args:
+        path: of the file or folder.
+        rng: draws the damage.
+        whole: whether no bytes were damaged before: libraries can still open it.
+    """
     file = _one(path, rng)
+    if file is None:
+        return "nothing left"
     if path.is_dir() and rng.random() < 0.05:
         file.unlink()
         return f"{file.name} removed"
-    ways = _ways(file)
+    ways = _ways(file) if whole else [_bytes]
     way = ways[int(rng.integers(len(ways)))]
     try:
         return f"{file.name}: {way(file, rng)}"
-    except (OSError, ValueError, TypeError, KeyError, RuntimeError):  # what cannot hold that damage gets another
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        RuntimeError,
+    ):  # what cannot hold that damage gets another
         return f"{file.name}: {_bytes(file, rng)}"
 
 
-def _one(path: Path, rng: Rng) -> Path:
+def _one(path: Path, rng: Rng) -> Path | None:
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
-    return files[int(rng.integers(len(files)))]
+    return files[int(rng.integers(len(files)))] if files else None
 
 
 def _ways(file: Path) -> list[Callable[[Path, Rng], str]]:
     suffix = file.suffix or file.name
+    if suffix in _JSON:
+        return [_entry, _entry, _token, _bytes]
     if suffix in _TEXTS:
         return [_token, _token, _token, _bytes]
     if suffix in _HDF5 and file.read_bytes()[:4] == b"\x89HDF":
@@ -113,6 +127,26 @@ def _token(file: Path, rng: Rng) -> str:
         word = b'"' + word.strip(b'"') + b'"'
     file.write_bytes(data[: token.start()] + word + data[token.end() :])
     return f"{token.group()!r} → {word!r} at {token.start()}"
+
+
+def _entry(file: Path, rng: Rng) -> str:
+    """Another value in the place of an entry of JSON, or none, the rest as it was."""
+    said = json.loads(file.read_bytes())
+    holders: list[Any] = [said]
+    for holder in holders:  # grows as it goes
+        parts = holder.values() if isinstance(holder, dict) else holder
+        holders += [part for part in parts if isinstance(part, dict | list) and part]
+    holder = holders[int(rng.integers(len(holders)))]
+    key = sorted(holder)[int(rng.integers(len(holder)))] if isinstance(holder, dict) else int(rng.integers(len(holder)))
+    if rng.random() < 0.2:
+        del holder[key]
+        what = f"{key} removed"
+    else:
+        values = [value for value in _VALUES if not isinstance(value, bytes | np.ndarray)]
+        holder[key] = [*values, [], {}, [[[1]]], None][int(rng.integers(len(values) + 4))]
+        what = f"{key} = {holder[key]!r:.40}"
+    file.write_text(json.dumps(said))
+    return what
 
 
 def _attribute(file: Path, rng: Rng) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import shutil
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -119,28 +120,29 @@ def _capture(path: Path) -> None:
 
 
 def _read_capture(path: Path) -> Any:
-    from tmca.lab.acquisition.captures import read_captures, read_tif, said_sources, warn_of_frames
+    from tmca.data import read_array
+    from tmca.lab.acquisition.captures import read_captures, said_sources
     from tmca.lab.calibration.captures import taken_with
     from tmca.lab.notes import date_of_frames
 
     record = read_captures(path)
-    warn_of_frames(path, record)
     said = taken_with(path), date_of_frames([path]), said_sources(path)
-    return record, said, [read_tif(path / f"{name}.tif") for name in record["frames"]]
+    return record, said, [read_array(path / f"{name}.tif") for name in record["frames"]]
 
 
 @functools.cache
-def _exported() -> Path:
+def _exported(name: str) -> Path:
+    """The folder of an exported decoder in a format."""
     from tests.lab.test_deploy import written_weights
     from tmca.lab.deploy import export_decoder
 
     folder = Path(tempfile.mkdtemp())
-    export_decoder(written_weights(folder, kind="unet"), folder / "out", ("torch",))
+    export_decoder(written_weights(folder, kind="unet"), folder / "out", (name,))
     return folder / "out"
 
 
 def _decoder(path: Path) -> None:
-    shutil.copy(_exported() / "decoder.pt2", path)
+    shutil.copy(_exported("torch" if path.suffix == ".pt2" else "onnx") / path.name, path)
 
 
 def _read_decoder(path: Path) -> Any:
@@ -148,19 +150,62 @@ def _read_decoder(path: Path) -> Any:
 
     from tmca.lab.loading import load_exported
 
-    program: Any = load_exported(path)
-    return program(torch.full(program.shape, 0.5))
+    return load_exported(path)(torch.full((1, 1, 24, 24), 0.5))
 
 
 def _description(path: Path) -> None:
     path.mkdir()
-    shutil.copy(_exported() / "decoder.json", path / "decoder.json")
+    shutil.copy(_exported("torch") / "decoder.json", path / "decoder.json")
 
 
 def _read_description(path: Path) -> Any:
     from tmca.lab.deploy import read_description
 
     return read_description(path).model_dump()
+
+
+def _export(path: Path) -> None:
+    from tests.fuzz.kinds_own import _snapshot, _spectral
+    from tmca.lab.display.codes import read_planes
+    from tmca.lab.display.devices import DeviceDescription
+    from tmca.lab.display.export import export_codes
+
+    with tempfile.TemporaryDirectory() as folder:
+        _response(Path(folder) / "response.csv")
+        codes = read_planes(_snapshot(_spectral()).save(Path(folder) / "taken.nc"))
+        display = DeviceDescription(
+            name="display", kind="lcos", size=(16, 20), bits=8, macro_pixel=2.0, lut=str(Path(folder) / "response.csv")
+        )
+        sensor = DeviceDescription(name="sensor", kind="emulated-shutter")
+        export_codes(codes, [display, sensor], path)
+
+
+def _read_export(path: Path) -> Any:
+    from tmca.lab.display.manifest import read_export
+
+    return read_export(path).planes
+
+
+def _manifest(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        _export(Path(folder) / "shown")
+        shutil.copy(Path(folder) / "shown" / path.name, path)
+
+
+def _read_manifest(path: Path) -> Any:
+    from tmca.lab.display.manifest import (
+        device_of,
+        exposed_whole,
+        frame_time,
+        placement_of,
+        read_manifest,
+        shown_digest,
+    )
+
+    manifest = read_manifest(path.parent)
+    devices = [device_of(plane, path).model_dump() for plane in manifest["planes"]]
+    placed = [vars(placement_of(plane)) for plane in manifest["planes"]]
+    return shown_digest(manifest), exposed_whole(manifest), frame_time(manifest), devices, placed
 
 
 kind("calibration.nc", _calibration, _read_calibration, infinite=True)
@@ -173,3 +218,7 @@ kind("frames", _frames, _read_frames)
 kind("capture", _capture, _read_capture)
 kind("decoder.pt2", _decoder, _read_decoder)
 kind("described-decoder", _description, _read_description)
+kind("export", _export, _read_export)
+kind("manifest.json", _manifest, _read_manifest)
+if find_spec("onnxruntime"):
+    kind("decoder.onnx", _decoder, _read_decoder)

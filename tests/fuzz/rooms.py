@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 
-ROOMS = ("formats", "own", "lab", "dbd", "settings")
+ROOMS = ("formats", "own", "lab", "truth", "dbd", "settings")
 
 
 def load_kinds() -> None:

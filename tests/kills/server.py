@@ -31,7 +31,7 @@ class Asked:
     Attributes:
         words: of the command.
         folder: that it runs in.
-        number: of the signal it gets.
+        number: of the signal it gets; one that SIGSTOP holds up goes on when those asked for after it have ended.
         seconds: after which it gets it; None for another moment, or never.
         change: number of the change to the disk before which it gets it, from 1.
         largest: bytes of a file at most, as on a full disk.
@@ -89,7 +89,8 @@ def serve() -> None:
     prepare()
     for line in sys.stdin:
         running = [_started(Asked(**one)) for one in json.loads(line)]
-        print(json.dumps([asdict(_ended(*one)) for one in running]), flush=True)
+        ends = [_ended(*one) for one in reversed(running)]
+        print(json.dumps([asdict(end) for end in reversed(ends)]), flush=True)
 
 
 def _started(asked: Asked) -> tuple[Asked, int, int, int, float]:
@@ -101,11 +102,15 @@ def _started(asked: Asked) -> tuple[Asked, int, int, int, float]:
         _work(asked, say, count)
     os.close(say)
     os.close(count)
+    if asked.number == signal.SIGSTOP:
+        os.waitid(os.P_PID, child, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
     return asked, child, said, counted, time.monotonic()
 
 
 def _ended(asked: Asked, child: int, said: int, counted: int, begun: float) -> End:
     text, due = b"", None if asked.seconds is None else begun + asked.seconds
+    if asked.number == signal.SIGSTOP:
+        os.kill(child, signal.SIGCONT)
     while True:
         ready, _, _ = select.select([said], [], [], None if due is None else max(0.0, due - time.monotonic()))
         if not ready:

@@ -1,9 +1,12 @@
 """What every linear operator promises: one suite over all of them, at even and odd sizes."""
 
+from functools import partial
+
 import pytest
 import torch
 
 from tmca.operators import (
+    Buckets,
     LayeredOperator,
     LinearOperator,
     SensorColumns,
@@ -11,6 +14,7 @@ from tmca.operators import (
     coded_mask,
     coloured_code,
     dual_disperser,
+    of_buckets,
     single_disperser,
     sparse_matrix,
 )
@@ -49,6 +53,18 @@ def layered(size, exposure="equal"):
     return LayeredOperator(weights, transfer_functions(psf, frame), frame, rand(3, 2, *size), rand(2, *size), exposure)
 
 
+def of_two(size, build, dispersion=WHOLE):
+    """Two buckets whose shutters are the negatives of each other."""
+    aperture, shutter = planes(size, dispersion)
+    return [build(aperture, shown, dispersion) for shown in (shutter, 1 - shutter)]
+
+
+def layered_buckets(size):
+    one = layered(size)
+    shutters = torch.stack((one.shutter, 1 - one.shutter))
+    return LayeredOperator(one.weights, one.transfer, one.frame, one.colour, shutters)
+
+
 OPERATORS = {
     "single disperser": lambda size: single_disperser(*planes(size, WHOLE), WHOLE),
     "fractional": lambda size: single_disperser(*planes(size, FRACTIONAL), FRACTIONAL, rand(3)),
@@ -60,6 +76,10 @@ OPERATORS = {
     "narrow sensor": lambda size: SensorColumns(single_disperser(*planes(size, WHOLE), WHOLE), (1, 0)),
     "coded mask": lambda size: coded_mask(rand(3, *SHEAR.mask_size(size)), rand(3, *size), SHEAR),
     "layered": layered,
+    "two buckets": lambda size: of_buckets(of_two(size, single_disperser)),
+    "two buckets, fractional": lambda size: of_buckets(of_two(size, single_disperser, FRACTIONAL)),
+    "two buckets, relay blur": lambda size: Buckets(of_two(size, partial(SlotwiseDisperser, blur=rand(3, 3, 5)))),
+    "two buckets, layered": layered_buckets,
     "layered, a time for each slot": lambda size: layered(size, "per-slot"),
 }  # fmt: skip
 each_operator = pytest.mark.parametrize("size", SIZES)

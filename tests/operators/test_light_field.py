@@ -63,6 +63,49 @@ def test_the_code_is_what_slow_loops_give(name, size):
     np.testing.assert_allclose(found.numpy(), by_loops(aperture, shutter, SHEARS[name]), atol=1e-9)
 
 
+@pytest.mark.parametrize("name", ["thesis", "fractional", "mask of the sensor's pitch"])
+def test_derivatives_of_the_code_are_exact(name):
+    shear = SHEARS[name]
+    aperture, shutter = (torch.rand_like(p).requires_grad_() for p in planes(shear, (3, 4), 2))
+    torch.autograd.gradcheck(lambda a, s: mask_code(a, s, shear), (aperture, shutter))
+    torch.autograd.gradgradcheck(lambda a, s: mask_code(a, s, shear), (aperture, shutter))
+
+
+def test_an_open_shutter_gives_the_sheared_mask_of_marwah():
+    """Thesis (6): the views, each behind the mask shifted by its own shear, averaged over nothing but time."""
+    shear = ViewShear((3, 5))
+    aperture, _ = planes(shear, (6, 7), 1)
+    scene = torch.rand(1, 3, 5, 6, 7, dtype=torch.float64)
+    expected = sum(
+        aperture[0, 1 + v : 7 + v, 2 + u : 9 + u] * scene[0, 1 + v, 2 + u]
+        for v in view_coordinates(3)
+        for u in view_coordinates(5)
+    )
+    operator = coded_mask(aperture.expand(4, -1, -1), torch.ones(4, 6, 7, dtype=torch.float64), shear)
+    torch.testing.assert_close(operator.A(scene.flatten(1, 2))[0, 0], expected)
+
+
+def test_seen_from_the_mask_the_code_is_the_same_ray_by_ray():
+    """Eq. (10): mask pixel n and view ℓ meet at sensor pixel n - ℓ, beyond which there is no light."""
+    shear, size = ViewShear((3, 5), (1.0, -2.0)), (5, 6)
+    aperture, shutter = planes(shear, size, 3)
+    code = mask_code(aperture, shutter, shear) / 3
+    seen = code_through_mask(aperture, shutter, shear)
+    top, left = shear.border(size)
+    for (i, v), (j, u) in product(enumerate(view_coordinates(3)), enumerate(view_coordinates(5))):
+        rows, columns = slice(top + v, top + v + size[0]), slice(left - 2 * u, left - 2 * u + size[1])
+        torch.testing.assert_close(seen[i, j, rows, columns], code[i, j])
+        outside = seen[i, j].clone()
+        outside[rows, columns] = 0
+        assert outside.eq(0).all()
+
+
+def test_a_mask_too_small_for_the_shear_is_refused():
+    shear = ViewShear((5, 5))
+    with pytest.raises(ShapeError):
+        mask_code(torch.ones(2, 8, 6), torch.ones(2, 8, 6), shear)
+
+
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 @pytest.mark.parametrize("name", SHEARS)
 def test_forward_adjoint_and_pseudo_inverse_are_those_of_the_matrix(name, dtype):
@@ -86,61 +129,3 @@ def test_every_sensor_pixel_sees_only_its_own_place(name):
     matrix = sparse_matrix(coded_mask(*planes(SHEARS[name], (3, 4), 4), SHEARS[name])).toarray()
     gram = matrix @ matrix.T
     assert np.abs(gram - np.diag(np.diag(gram))).max() == 0
-
-
-@pytest.mark.parametrize("name", ["thesis", "fractional", "mask of the sensor's pitch"])
-def test_derivatives_of_the_code_are_exact(name):
-    shear = SHEARS[name]
-    aperture, shutter = (torch.rand_like(p).requires_grad_() for p in planes(shear, (3, 4), 2))
-    torch.autograd.gradcheck(lambda a, s: mask_code(a, s, shear), (aperture, shutter))
-    torch.autograd.gradgradcheck(lambda a, s: mask_code(a, s, shear), (aperture, shutter))
-
-
-def test_an_open_shutter_gives_the_sheared_mask_of_marwah():
-    """Thesis (6): the views, each behind the mask shifted by its own shear, averaged over nothing but time."""
-    shear = ViewShear((3, 5))
-    aperture, _ = planes(shear, (6, 7), 1)
-    scene = torch.rand(1, 3, 5, 6, 7, dtype=torch.float64)
-    expected = sum(
-        aperture[0, 1 + v : 7 + v, 2 + u : 9 + u] * scene[0, 1 + v, 2 + u]
-        for v in view_coordinates(3)
-        for u in view_coordinates(5)
-    )
-    operator = coded_mask(aperture.expand(4, -1, -1), torch.ones(4, 6, 7, dtype=torch.float64), shear)
-    torch.testing.assert_close(operator.A(scene.flatten(1, 2))[0, 0], expected)
-
-
-def test_an_open_mask_codes_no_view_but_the_sum_of_all():
-    shear = ViewShear((3, 3), (0.5, 1.0))
-    _, shutter = planes(shear, (4, 6), 4)
-    scene = torch.rand(1, 9, 4, 6, dtype=torch.float64)
-    operator = coded_mask(torch.ones(4, *shear.mask_size((4, 6)), dtype=torch.float64), shutter, shear)
-    torch.testing.assert_close(operator.A(scene), shutter.mean(0) * scene.sum(1, keepdim=True))
-
-
-def test_per_slot_exposure_is_k_times_the_light():
-    shear = ViewShear((3, 3))
-    aperture, shutter = planes(shear, (4, 6), 4)
-    equal, per_slot = (coded_mask(aperture, shutter, shear, exposure=name).code for name in ("equal", "per-slot"))
-    torch.testing.assert_close(per_slot, 4 * equal)
-
-
-def test_seen_from_the_mask_the_code_is_the_same_ray_by_ray():
-    """Eq. (10): mask pixel n and view ℓ meet at sensor pixel n - ℓ, beyond which there is no light."""
-    shear, size = ViewShear((3, 5), (1.0, -2.0)), (5, 6)
-    aperture, shutter = planes(shear, size, 3)
-    code = mask_code(aperture, shutter, shear) / 3
-    seen = code_through_mask(aperture, shutter, shear)
-    top, left = shear.border(size)
-    for (i, v), (j, u) in product(enumerate(view_coordinates(3)), enumerate(view_coordinates(5))):
-        rows, columns = slice(top + v, top + v + size[0]), slice(left - 2 * u, left - 2 * u + size[1])
-        torch.testing.assert_close(seen[i, j, rows, columns], code[i, j])
-        outside = seen[i, j].clone()
-        outside[rows, columns] = 0
-        assert outside.eq(0).all()
-
-
-def test_a_mask_too_small_for_the_shear_is_refused():
-    shear = ViewShear((5, 5))
-    with pytest.raises(ShapeError, match=r"\(2, 12, 10\)"):
-        mask_code(torch.ones(2, 8, 6), torch.ones(2, 8, 6), shear)

@@ -37,22 +37,6 @@ def test_the_mask_for_a_pitch_has_this_pitch():
         assert again.mask_distance == pytest.approx(bench.mask_distance, rel=1e-9)
 
 
-def test_the_mask_of_one_pixel_per_view_stands_where_similar_triangles_meet():
-    """d_l : p = (d_a - d_l) : Δu, one view on the aperture seen through one point of the mask covers one pixel."""
-    bench = MaskGeometry.for_shear(1.0, views=5, **BENCH)
-    behind, before = bench.mask_distance, bench.aperture_distance - bench.mask_distance
-    assert behind / bench.pixel_pitch == pytest.approx(before / bench.view_spacing, rel=1e-12)
-    assert bench.shear().whole
-
-
-def test_the_drift_of_a_mask_of_the_sensors_pitch_is_what_demagnification_leaves():
-    bench = MaskGeometry.for_shear(1.0, views=5, **BENCH)
-    shear = bench.shear(mask_pitch=bench.pixel_pitch)
-    edge = 240
-    crossing = edge * bench.pixel_pitch * (1 - bench.s) / bench.pixel_pitch
-    assert shear.drift((2 * edge + 1, 1))[0] == pytest.approx(crossing - edge)
-
-
 @pytest.mark.parametrize("size", [(5, 8), (7, 6), (1, 1)])
 @pytest.mark.parametrize(
     ("step", "scale"), [((1.0, -2.0), 1.0), ((0.4, 1.7), 1.0), ((1.0, 1.0), 0.97), ((0.5, 1), 1.2)]
@@ -101,3 +85,11 @@ def test_what_is_impossible_names_the_argument_at_fault(made, where):
     with pytest.raises(SettingError) as caught:
         made()
     assert caught.value.where == where
+
+
+def test_the_drift_of_a_mask_of_the_sensors_pitch_is_what_demagnification_leaves():
+    bench = MaskGeometry.for_shear(1.0, views=5, **BENCH)
+    shear = bench.shear(mask_pitch=bench.pixel_pitch)
+    edge = 240
+    crossing = edge * bench.pixel_pitch * (1 - bench.s) / bench.pixel_pitch
+    assert shear.drift((2 * edge + 1, 1))[0] == pytest.approx(crossing - edge)

@@ -9,11 +9,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
-from tmca.metrics import light_field_metrics, psnr_per_view
-from tmca.plots.codes import sub_images, sub_images_figure
-from tmca.plots.light_field import disparity_figure, error_top, light_field_figure, view_psnr_figure
+from tmca.plots.codes import sub_images_figure
+from tmca.plots.light_field import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.views import (
-    _enlargement,
     border_walk,
     colour_views,
     focus_steps,
@@ -73,13 +71,6 @@ def test_the_strip_covers_the_disparity_of_small_frames(scene, size, colour):
     assert steps[-1] - steps[0] < 1.3 * (high - low)
 
 
-def test_large_views_are_searched_small_and_measured_in_their_own_pixels():
-    wide = np.random.default_rng(0).random((90, 98)).repeat(6, axis=0).repeat(6, axis=1)
-    views = [[wide[30 + v * 5 :, 30 + u * 5 :][:490, :500] for u in (-1, 0, 1)] for v in (-1, 0, 1)]
-    steps = focus_steps(label_light_field(np.array(views)))
-    assert steps[0] < 5 < steps[-1]
-
-
 def test_refocusing_on_a_dot_brings_it_together():
     field = dot_field()
     np.testing.assert_allclose(refocus(field, 1), field[1, 2], atol=1e-6)
@@ -88,18 +79,6 @@ def test_refocusing_on_a_dot_brings_it_together():
     np.testing.assert_allclose(refocus(ramp, 0.5)[:, 3:-3], ramp[0, 1, :, 3:-3], atol=1e-5)
     coloured = np.stack([field, 2 * field, 3 * field])
     np.testing.assert_allclose(refocus(coloured, 0.3), np.multiply.outer([1, 2, 3], refocus(field, 0.3)), rtol=1e-5)
-
-
-def test_border_pixels_average_the_views_that_reach_them():
-    np.testing.assert_allclose(refocus(np.full((3, 3, 6, 7), 0.25), 1.7), 0.25, rtol=1e-6)
-
-
-def test_each_sub_image_holds_the_angles_of_one_point():
-    code = np.random.default_rng(1).random((3, 5, 4, 6))
-    sheet = sub_images(code)
-    assert sheet.shape == (4 * 4 - 1, 6 * 6 - 1)
-    np.testing.assert_array_equal(sheet[2 * 4 : 2 * 4 + 3, 3 * 6 : 3 * 6 + 5], code[:, :, 2, 3])
-    assert np.isnan(sheet[3]).all()
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 5), (3, 1), (3, 3), (5, 9)])
@@ -126,37 +105,6 @@ def test_a_gif_has_a_frame_for_each_view_of_the_walk(tmp_path, shape):
         views_gif(field, path)
     with pytest.raises(OutputError, match=r"\.gif"):
         views_gif(field, tmp_path / "views.png")
-
-
-@pytest.mark.parametrize(("views", "size"), [(5, (96, 120)), (9, (128, 160)), (9, (434, 625)), (15, (800, 900))])
-def test_views_are_never_enlarged_beyond_a_megabyte_or_so(views, size):
-    pixels = len(border_walk(views, views)) * size[0] * size[1]
-    times = _enlargement(pixels, max(size))
-    assert times == 1 or times**2 * pixels <= 4e6
-    assert times * max(size) >= 320
-
-
-def test_the_sub_images_name_the_angles_of_the_views():
-    figure = sub_images_figure(np.random.default_rng(0).random((3, 5, 4, 6)), "code")
-    across, down = figure.axes[0].get_xticklabels(), figure.axes[0].get_yticklabels()
-    assert [label.get_text() for label in across] == ["-2", "0", "2"]
-    assert [label.get_text() for label in down] == ["-1", "1"]  # no room for the centre of three
-
-
-@pytest.mark.parametrize("size", [(12, 40), (40, 12)])
-def test_a_colour_bar_is_as_high_as_its_picture(size):
-    figure = sub_images_figure(np.random.default_rng(0).random((3, 3, *size)), "code")
-    FigureCanvasAgg(figure).draw()
-    picture = figure.axes[0].get_window_extent()
-    bar = figure.axes[0].child_axes[0].get_window_extent()
-    assert (bar.y0, bar.y1) == pytest.approx((picture.y0, picture.y1), abs=1)
-
-
-def test_the_title_of_a_strip_stands_clear_of_its_captions():
-    figure = refocus_strip(np.random.default_rng(0).random((3, 3, 24, 30)), (-1, 0, 1), "strip")
-    FigureCanvasAgg(figure).draw()
-    captions = max(axis.title.get_window_extent().y1 for axis in figure.axes)
-    assert figure._suptitle.get_window_extent().y0 > captions + 5
 
 
 @pytest.mark.parametrize("size", [(64, 80), (97, 121), (270, 480), (300, 200), (12, 31)])
@@ -195,34 +143,6 @@ def test_the_slices_of_the_enlarged_part_are_those_of_its_marked_row_and_column(
     np.testing.assert_array_equal(beside, field[:, 2, window[0], column].T)
 
 
-def test_shapes_that_differ_are_refused():
-    truth = np.random.default_rng(0).random((3, 3, 20, 30))
-    with pytest.raises(ShapeError):
-        light_field_figure({"a": truth[..., :10]}, truth)
-    with pytest.raises(ShapeError):
-        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0], truth[0, 0])
-
-
-def test_without_a_snapshot_the_first_error_is_that_of_the_true_centre_view():
-    truth = np.random.default_rng(0).random((3, 3, 20, 30))
-    still = np.broadcast_to(truth[1, 1], truth.shape)
-    title = light_field_figure({"a": truth}, truth).axes[2].get_title()
-    assert f"{light_field_metrics(still, truth)['psnr']:.2f} dB" in title
-
-
-def test_the_maps_of_views_name_the_psnr_of_the_tables():
-    truth = np.random.default_rng(0).random((3, 5, 20, 30))
-    estimate = truth + 0.1 * np.arange(1, 16).reshape(3, 5, 1, 1)
-    title = view_psnr_figure({"a": psnr_per_view(estimate, truth)}).axes[0].get_title()
-    assert f"{light_field_metrics(estimate, truth)['psnr']:.2f} dB" in title
-
-
-@pytest.mark.parametrize(("size", "top"), [(0.004, 0.004), (0.083, 0.085), (0.9, 0.9), (1.37, 1.5), (26, 30)])
-def test_the_scale_of_errors_fits_nine_tenths_of_them(size, top):
-    errors = np.append(np.full(95, size), [np.nan, *np.full(5, 100 * size)])
-    assert error_top([errors, errors]) == pytest.approx(top)
-
-
 def test_all_errors_of_disparity_share_a_scale_that_the_bar_explains():
     truth = np.zeros((10, 20))
     figure = disparity_figure({"good": truth + 0.1, "fair": truth + 1.2, "bad": truth + 1.4}, truth, truth)
@@ -248,3 +168,11 @@ def test_figures_are_drawn_for_grey_and_colour_tall_and_wide(shape):
         assert all(np.isfinite(axis.get_position().bounds).all() for axis in figure.axes)
     assert "30.00 dB" in figures[3].axes[0].get_title()
     assert "MAE 0.200 px, 100.0% above 0.07 px" in [axis.get_title() for axis in figures[4].axes]
+
+
+def test_shapes_that_differ_are_refused():
+    truth = np.random.default_rng(0).random((3, 3, 20, 30))
+    with pytest.raises(ShapeError):
+        light_field_figure({"a": truth[..., :10]}, truth)
+    with pytest.raises(ShapeError):
+        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0])

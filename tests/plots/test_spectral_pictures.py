@@ -78,27 +78,11 @@ def test_a_depth_map_says_its_unit_and_what_is_unknown(metric):
     assert labels == [f"{unit}, grey: unknown"]
 
 
-def test_estimates_stand_beside_the_truth_with_their_errors():
-    cube, depth = scene()
-    known = np.nan_to_num(depth, nan=1.0)
-    figure = depths.before_after({"fitted": (cube + 0.01, known + 0.25)}, (cube, known), WAVELENGTHS, (0.5, 2.0))
-    assert titles(figure)[:2] == ["truth", "fitted\n40.00 dB"]
-    assert "0.250 m off" in titles(figure)
-
-
 def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
     cube, depth = scene()
     figure = depths.depth_figure("map", (cube, depth), np.ones(depth.shape), WAVELENGTHS, (0.5, 2.0), (cube, depth))
     assert {"truth", "map", "depth, truth", "depth, map", "probability within a bin"} <= set(titles(figure))
     assert len(curves(figure)) == 2 * 3
-
-
-def test_every_code_has_a_row_and_every_decoder_its_columns():
-    cube, depth = scene()
-    rows = {"learned": {"lmmse": (cube, depth), "net": (cube + 0.1, depth)}, "random": {"net": (cube, depth)}}
-    figure = depths.rows_figure(rows, ["lmmse", "net"], (cube, depth), WAVELENGTHS, (0.5, 2.0))
-    assert {"truth", "learned\nlmmse", "learned\nnet", "random\nnet"} <= set(titles(figure))
-    assert "random\nlmmse" not in titles(figure)
 
 
 def test_what_codes_tell_about_depth_leaves_out_a_plane_as_its_own_rival():
@@ -109,3 +93,19 @@ def test_what_codes_tell_about_depth_leaves_out_a_plane_as_its_own_rival():
     np.testing.assert_array_equal(solid.get_ydata(), [3, 2, 2, 4])
     np.testing.assert_array_equal(solid.get_xdata(), METRES)
     assert (solid.get_label(), dotted.get_linestyle()) == ("one slot", ":")
+
+
+def test_estimates_stand_beside_the_truth_with_their_errors():
+    cube, depth = scene()
+    known = np.nan_to_num(depth, nan=1.0)
+    figure = depths.before_after({"fitted": (cube + 0.01, known + 0.25)}, (cube, known), WAVELENGTHS, (0.5, 2.0))
+    assert titles(figure)[:2] == ["truth", "fitted\n40.00 dB"]
+    assert "0.250 m off" in titles(figure)
+
+
+def test_every_code_has_a_row_and_every_decoder_its_columns():
+    cube, depth = scene()
+    rows = {"learned": {"lmmse": (cube, depth), "net": (cube + 0.1, depth)}, "random": {"net": (cube, depth)}}
+    figure = depths.rows_figure(rows, ["lmmse", "net"], (cube, depth), WAVELENGTHS, (0.5, 2.0))
+    assert {"truth", "learned\nlmmse", "learned\nnet", "random\nnet"} <= set(titles(figure))
+    assert "random\nlmmse" not in titles(figure)

@@ -56,14 +56,6 @@ def test_random_places_agree_with_all_phases_of_a_tiled_code(prior):
     assert expected_psnr(prior, taps, Noise(0.02)) == pytest.approx(-10 * np.log10(expected), abs=0.3)
 
 
-def test_more_noise_makes_more_error(prior):
-    taps = camera("single disperser", 4, 30)
-    errors = [float(expected_mse(prior, taps, Noise(sigma))) for sigma in (0.0, 0.01, 0.1, 10.0)]
-    assert errors == sorted(errors)
-    assert errors[-1] == pytest.approx(float(prior.covariance.diagonal().mean()), rel=0.05)
-    assert float(expected_mse(prior, taps, Noise(0.01, 0.01))) > errors[1]
-
-
 def test_more_light_is_less_noise(prior):
     taps = camera("single disperser", 4, 30)
     dim = expected_mse(prior.scaled(0.25), taps, Noise(0.01))
@@ -80,13 +72,6 @@ def test_expected_error_has_the_right_gradient(prior):
         return expected_mse(prior, other, Noise(0.05, 0.01), blocks=3) * 1e3
 
     assert torch.autograd.gradcheck(error, (taps.code.clone().requires_grad_(),), atol=1e-5)
-
-
-def test_impossible_noise_or_no_blocks_are_refused(prior):
-    with pytest.raises(SettingError, match="noise"):
-        Noise(-1.0)
-    with pytest.raises(SettingError, match="blocks"):
-        expected_mse(prior, camera("single disperser", 4, 30), Noise(), blocks=0)
 
 
 def test_expected_error_agrees_on_real_training_patches_and_ranks_the_codes(real_data):

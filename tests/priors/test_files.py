@@ -10,8 +10,11 @@ import torch
 import xarray as xr
 
 from tests.small_scenes import smooth_scene
-from tmca.errors import DataError, OutputError
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders import decode
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, Prior, load_prior
+from tmca.sensor import Sensor
 
 CUBES = [smooth_scene(24, 31, seed=1), smooth_scene(20, 26, seed=2)]
 ABOUT = {"wavelengths": (450e-9, 550e-9, 650e-9), "sources": ("a", "b")}
@@ -115,3 +118,41 @@ def test_a_prior_that_cannot_be_written_leaves_nothing_behind(tmp_path):
     with pytest.raises(OutputError):
         MADE["gaussian"]().save(tmp_path / "missing" / "prior.nc")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["gaussian", "not stationary", "views", "mixture"])
+@pytest.mark.parametrize("entry", ["mean", "moments"])
+def test_what_is_infinite_in_single_precision_is_refused(name, entry, tmp_path):
+    path = MADE[name]().save(tmp_path / "prior.nc")
+    with h5py.File(path, "r+") as file:
+        names = ["mean"] if entry == "mean" else ["covariance", "autocovariance"]
+        part = next(file[one] for one in names if one in file)
+        part[(0,) * part.ndim] = 1e308
+    with pytest.raises(DataError, match="not finite"):
+        load_prior(path)
+
+
+@pytest.mark.parametrize("name", ["gaussian", "not stationary", "views"])
+def test_correlations_above_one_are_refused(name, tmp_path):
+    path = MADE[name]().save(tmp_path / "prior.nc")
+    with h5py.File(path, "r+") as file:
+        part = file["covariance" if "covariance" in file else "autocovariance"]
+        part[(0, 1, *[0] * (part.ndim - 2))] = 10 * np.max(part[...])
+    with pytest.raises(DataError, match="variances"):
+        load_prior(path)
+
+
+@pytest.mark.parametrize("name", ["gaussian", "mixture"])
+def test_a_covariance_that_is_not_positive_definite_is_told_by_who_solves(name):
+    """Correlations of -0.9 between any two of three bands are below one, and no scene has them."""
+    bands = 0.1 * (1.9 * torch.eye(3) - 0.9).double()
+    prior = GaussianPrior(torch.full((3, 1, 4), 0.5).double(), torch.kron(bands, torch.eye(4).double()))
+    prior._check_correlations()
+    prior = prior if name == "gaussian" else GaussianMixturePrior.of(prior)
+    with pytest.raises(SettingError, match="positive definite"):
+        prior.sample(2, seed=0)
+    how = {"aperture": "open", "shutter": "open", "dispersion": [0.0, 0.0, 0.0], "sensor": Sensor(read_noise=1e-6)}
+    camera = SpectralCamera(3, (4, 5), 1, **how)
+    taken = Snapshot(camera(torch.rand(1, 3, 4, 5)), camera)
+    with pytest.raises(SettingError, match="positive definite"):
+        decode(taken, "lmmse" if name == "gaussian" else "mixture", prior=prior)

@@ -6,7 +6,6 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.errors import DataError, ShapeError
 from tmca.priors import GaussianPrior
-from tmca.priors.statistics import random_blocks
 
 CUBES = [smooth_scene(24, 31, seed=1), smooth_scene(20, 26, seed=2)]
 
@@ -39,21 +38,6 @@ def test_samples_have_the_moments_of_the_prior(prior):
     scale = prior.covariance.diagonal().mean()
     assert (torch.cov(blocks.flatten(1).mT) - prior.covariance).abs().max() < 0.05 * scale
     assert (blocks.mean(0) - prior.mean).abs().max() < 0.05 * scale.sqrt()
-
-
-def test_sampled_and_stationary_moments_agree_on_a_large_scene():
-    cube = smooth_scene(150, 160, seed=5)
-    sampled = torch.cov(random_blocks([cube], (2, 3), 20000, 0, mirrored=True).flatten(1).mT)
-    averaged = GaussianPrior.learn([cube], (2, 3))
-    difference = (sampled - averaged.covariance).abs().max()
-    assert difference < 0.1 * averaged.covariance.diagonal().mean()
-
-
-def test_figure_shows_blocks_spectrum_and_eigenvalues(prior, tmp_path):
-    figure = prior.figure()
-    assert len(figure.axes) == 15
-    figure.savefig(tmp_path / "prior.png")
-    assert (tmp_path / "prior.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import torch
 from tests.small_scenes import patches
 from tmca.cameras import LightFieldCamera
 from tmca.errors import ShapeError
-from tmca.priors import GaussianMixturePrior, GaussianPrior, pooled
+from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.statistics import random_blocks
 
 VIEWS = (3, 3)
@@ -87,30 +87,6 @@ def test_a_blocks_covariance_is_symmetric_and_positive():
     torch.testing.assert_close(covariance.diagonal(), prior.variance)
     pixels = torch.tensor([[0, 7], [33, 120]])
     torch.testing.assert_close(prior.rows(pixels, torch.float64), covariance[pixels])
-
-
-def test_the_prior_knows_which_way_near_things_move():
-    """Neighbouring views of a plane at disparity 1 agree one pixel apart, on one side only."""
-    prior = GaussianPrior.learn([parallax(1, (40, 40))], (3, 3), views=VIEWS)
-    centre, right = 4, 5
-    along = prior.moments[centre, right, 2]
-    assert float(along[1]) > 10 * float(along[3].abs())
-
-
-def test_light_fields_mirrored_with_their_views_teach_the_same():
-    field = parallax(1)
-    flipped = mirrored(field)[2].reshape(9, *field.shape[1:])
-    one, other = (GaussianPrior.learn([f], (3, 4), views=VIEWS) for f in (field, flipped))
-    torch.testing.assert_close(one.moments, other.moments)
-
-
-def test_pooled_priors_are_those_learned_together():
-    fields = [parallax(1), parallax(-1, seed=2)]
-    whole = GaussianPrior.learn(fields, (4, 5), views=VIEWS, floor=0.0)
-    parts = [GaussianPrior.learn([f], (4, 5), views=VIEWS, floor=0.0) for f in fields]
-    near = pooled(parts)
-    # each around its own mean, beyond whose frame it is dark
-    torch.testing.assert_close(near.moments, whole.moments, atol=2e-3, rtol=0)
 
 
 def test_the_estimate_is_that_of_dense_matrices():

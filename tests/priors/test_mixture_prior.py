@@ -6,7 +6,6 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.errors import SettingError
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.statistics import leading_eigenvectors
 
 BLOCK = (3, 2, 6)
 
@@ -60,12 +59,6 @@ def test_a_gaussian_is_a_mixture_of_one():
     one = GaussianMixturePrior.of(plain, rank=4)
     torch.testing.assert_close(one.component(0).covariance, plain.covariance)
     torch.testing.assert_close(one.gaussian().covariance, plain.covariance)
-
-
-def test_leading_eigenvectors_by_iteration_are_those_of_the_full_decomposition():
-    plain = GaussianPrior.learn([smooth_scene(40, 60, seed=1)], (4, 12))
-    found, exact = leading_eigenvectors(plain.covariance, 6), torch.linalg.eigh(plain.covariance)[1].flip(1)[:, :6]
-    torch.testing.assert_close((found * exact).sum(0).abs(), torch.ones(6, dtype=torch.float64))
 
 
 def test_impossible_settings_are_refused():

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.applications.file_pictures import picture_of
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.plots.priors import atom_mosaic
 from tmca.priors import PatchDictionary
-from tmca.priors.dictionary import patch_variance, sample_places, textured_sample
 
 VIEWS = (3, 3)
 
@@ -41,16 +38,6 @@ def test_atoms_are_of_unit_norm_zero_mean_and_sorted_by_use(learned):
     assert learned.notes["coreset"] == 300
 
 
-def test_the_same_seed_gives_the_same_dictionary_and_another_another():
-    fields = [light_field(20, 20)]
-    first, again, other = (
-        PatchDictionary.learn(fields, (4, 4), views=VIEWS, atoms=8, coreset=60, rank=10, batch=30, seed=seed)
-        for seed in (0, 0, 1)
-    )
-    torch.testing.assert_close(first.atoms, again.atoms)
-    assert not torch.allclose(first.atoms, other.atoms)
-
-
 def test_the_learner_finds_the_atoms_that_made_the_patches():
     generator = np.random.default_rng(0)
     true = generator.standard_normal((12, 9 * 16))
@@ -67,28 +54,6 @@ def test_the_learner_finds_the_atoms_that_made_the_patches():
     assert found.residual < 0.1 * 2 / 144
 
 
-def test_the_variance_of_a_patch_is_numpys():
-    cube = light_field().double()
-    found = patch_variance(cube, (4, 5))
-    assert found.shape == (27, 29)
-    np.testing.assert_allclose(found[3, 20], cube[:, 3:7, 20:25].numpy().var(), atol=1e-12)
-
-
-def test_places_are_drawn_once_each_and_as_often_as_their_weight_says():
-    maps = [torch.tensor([[1.0, 3.0]]), torch.tensor([[4.0], [0.0]])]
-    draws = [sample_places(maps, 1, torch.Generator().manual_seed(seed))[0] for seed in range(2000)]
-    shares = [draws.count(place) / 2000 for place in ((0, 0, 0), (0, 0, 1), (1, 0, 0), (1, 1, 0))]
-    np.testing.assert_allclose(shares, [0.125, 0.375, 0.5, 0], atol=0.04)
-    assert len(set(sample_places(maps, 4, torch.Generator().manual_seed(0)))) == 4
-
-
-def test_a_coreset_has_more_texture_than_the_scene_but_flat_ground_too():
-    cube = light_field().double()
-    found = textured_sample([cube], (4, 5), 200, 0).flatten(1).var(1)
-    assert found.mean() > 1.3 * patch_variance(cube, (4, 5)).mean()
-    assert (found < 1e-9).any()
-
-
 def test_samples_use_atoms_as_much_as_the_examples_did(learned):
     blocks = learned.sample(20000, seed=0)
     assert blocks.shape == (20000, *learned.block)
@@ -99,21 +64,6 @@ def test_samples_use_atoms_as_much_as_the_examples_did(learned):
     expected = 2 * atoms.mT @ torch.diag(learned.scales.square()) @ atoms
     away = blocks.flatten(1) - means[:, None]
     assert float((torch.cov(away.mT) - expected).norm() / expected.norm()) < 0.1
-
-
-def test_an_atom_is_drawn_as_its_views_side_by_side():
-    atom = np.arange(6 * 4.0).reshape(6, 2, 2)
-    mosaic = atom_mosaic(atom, (2, 3))
-    assert mosaic.shape == (5, 8)
-    assert np.array_equal(mosaic[3:, 3:5], atom[4])
-    assert np.isnan(mosaic[2]).all()
-    assert np.isnan(mosaic[:, 2]).all()
-
-
-def test_a_picture_of_the_file_shows_the_atoms(learned, tmp_path):
-    path = learned.save(tmp_path / "atoms.nc")
-    assert picture_of(path, tmp_path / "atoms.png").stat().st_size > 5000
-    assert len(learned.figure().axes) == 25
 
 
 def test_progress_is_told_to_the_end():

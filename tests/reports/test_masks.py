@@ -4,11 +4,11 @@ import json
 
 import pytest
 
-from tests.priors.test_spectral_depth import prior_of
+from tests.operators.test_window_moments import prior_of
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.design import MaskEffort, SensorSheet
 from tmca.errors import OutputError, SettingError
-from tmca.priors.spectral_depth import needed_block
+from tmca.operators.window_moments import needed_block
 from tmca.reports.masks import design_spectral_depth
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")  # few mask pixels are fast ones

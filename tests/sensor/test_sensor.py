@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tmca.errors import SettingError
-from tmca.sensor import Noise, Sensor, quantise, shot_noise
+from tmca.sensor import Sensor, quantise, shot_noise
 
 SCALE = 12.0
 
@@ -29,13 +29,6 @@ def test_measured_mean_and_variance_are_the_stated_ones(sensor, level):
     variance = sensor.noise(SCALE).variance(torch.tensor(level)).item()
     assert recorded.mean().item() == pytest.approx(level, abs=5 * (variance / y.numel()) ** 0.5)
     assert recorded.var().item() == pytest.approx(variance, rel=0.02)
-
-
-def test_a_real_sensor_in_snapshot_units():
-    noise = Sensor(full_well=10_000, read_noise_electrons=3).noise(SCALE)
-    assert noise.read == pytest.approx(3 * 12 / 1e4)
-    assert noise.shot == pytest.approx(12 / 1e4)
-    assert Noise(0.01).variance(torch.tensor(5.0)).item() == pytest.approx(1e-4)
 
 
 def test_rounding_of_the_converter_is_part_of_the_stated_noise():

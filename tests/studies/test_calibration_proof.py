@@ -2,8 +2,7 @@
 
 import pytest
 
-from studies.calibration_proof import Proof, prove
-from tmca.cli.lab.calibrate_words import said_proof
+from studies.calibration_proof import Proof, prove, table_of
 
 
 @pytest.mark.slow
@@ -28,7 +27,7 @@ def test_leaks_are_found_and_explain_the_snapshot():
     assert explained["calibrated"] > explained["without contrast and leakage"] + 1
 
 
-def test_the_worst_bench_counts_and_a_missed_bound_is_said(capsys):
+def test_the_worst_bench_counts_and_a_missed_bound_is_said():
     proof = Proof(2, 40.0)
     proof.found = {"registration": [0.01, 0.07], "shear": [0.001]}
     proof.rows = [
@@ -37,7 +36,6 @@ def test_the_worst_bench_counts_and_a_missed_bound_is_said(capsys):
     found = proof.stated()
     assert found["errors"][0]["error"] == 0.07
     assert found["reconstruction"] == [{"camera": "spectral", "operator": "true", "psnr": 20.5, "explained": 30.0}]
-    said_proof(found, False)
-    lines = capsys.readouterr().out.splitlines()
+    lines = table_of(found).splitlines()
     assert [line.endswith("missed") for line in lines[1:3]] == [True, False]
     assert "20.50" in lines[-1]

@@ -1,31 +1,23 @@
 """The study of codes: the same effort for all, gains that are what they say, cells that are kept."""
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from scipy.stats import rankdata
 
-import tmca
 from studies.codes import ranking as ranks
-from studies.codes.ablation import INGREDIENTS
-from studies.codes.figures import _draw_bars, study_figures
-from studies.codes.learned import prior_file
+from studies.codes import study as studied
+from studies.codes.figures import study_figures
 from studies.codes.records import Cell
 from studies.codes.searches import task_of
-from studies.codes.study import CORNERS, _first_cell, _network_cells, sensors, study_codes
-from studies.codes.tables import grid_rows, network_rows, scene_rows, study_markdown
+from studies.codes.study import CORNERS, _first_cell, sensors, study_codes
+from studies.codes.tables import scene_rows, study_markdown
 from studies.codes.tables import test_rows as rows_of_tests
 from tmca.data import load_scene
-from tmca.decoders import Weights
-from tmca.design import Effort, on_frame
+from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
-from tmca.metrics import all_metrics
-from tmca.priors import GaussianPrior
-from tmca.sensor import Sensor
 
 pytestmark = pytest.mark.slow
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
@@ -39,9 +31,11 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def small_scenes():
+def few_noises_and_small_scenes():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ranks, "SIZE", (48, 48))
+        patch.setattr(studied, "READ_NOISES", (0.0, 0.001, 0.01))
+        patch.setattr(studied, "FULL_WELLS", (1e3, 1e4))
         yield
 
 
@@ -72,16 +66,6 @@ def test_every_noise_is_searched_at_equal_time_and_the_corners_per_slot(found):
 
 
 @pytest.mark.slow
-def test_time_per_slot_is_less_noise(found):
-    noise = "σ = 0.01"
-    static = {row["exposures"]: row["psnr"] for row in found["grid"] if row["noise"] == noise and row["slots"] == 1}
-    assert static[2] > static[1]
-    rows = grid_rows(found, 2)
-    rows = rows[rows.noise == noise]
-    assert list(rows.ahead) == pytest.approx(list(rows.psnr - static[1]))
-
-
-@pytest.mark.slow
 def test_designs_are_measured_on_test_scenes(found):
     rows = rows_of_tests(found["test"], found["light"])
     assert len(rows) == len(CORNERS) * 10
@@ -105,56 +89,6 @@ def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
     assert line.miss == pytest.approx(line.gain - gain, abs=1e-6)
 
 
-def test_what_light_foretold_is_what_codes_for_the_light_are_held_to():
-    def told(gain, predicted):
-        return {"psnr": 30 + gain, "expected_psnr": 0.0, "predicted_gain": predicted, "throughput": 0.1}
-
-    lit = {"static, designed for the light": told(0, 0), "free, designed for the light": told(2.0, 3.0)}
-    there = {"static, designed": 0, "free, designed": 2.5, "static, designed for the light": 0}
-    cell = {"noise": "σ = 0.01", "scene": "coffee", "seed": 0}
-    tested = {**cell, "metrics": {"static, designed": told(0, 0), "free, designed": told(1.0, 4.0)}}
-    light = {**cell, "metrics": lit, "plain_prior": lit, "there": {**there, "free, designed for the light": 2.8}}
-    rows = scene_rows([tested], [light])
-    misses = {(row.codes, row.prior): row.miss for row in rows.itertuples()}
-    assert misses == {
-        ("free, designed", "as learned"): pytest.approx(1.0 - 2.5),
-        ("free, designed for the light", "as learned"): pytest.approx(2.0 - 3.0),
-        ("free, designed for the light", "dimmed"): pytest.approx(2.0 - 3.0),
-    }
-
-
-def test_bars_that_are_missing_say_so():
-    axis = Figure().add_subplot()
-    _draw_bars(axis, {"one": {"σ = 0": 1.0, "σ = 1": 2.0}, "other": {"σ = 1": 3.0}}, ["σ = 0", "σ = 1"])
-    left = [text for text in axis.texts if "not computed" in text.get_text()]
-    assert [text.get_position() for text in left] == [(pytest.approx(0.2), 0)]
-
-
-@pytest.mark.slow
-def test_codes_for_the_light_are_decoded_by_both_priors(found, folder):
-    cell, (row,) = _stored_cell(folder, "light")
-    scene, prior = load_scene("coffee", bands=3), GaussianPrior.load(cell.prior)
-    camera = task_of(cell, cell.light).design("free", 2).camera
-    whole = on_frame(camera, {"bands": scene["wavelength"].values.tolist()}, scene.shape[1:], Sensor(**cell.sensor))
-    taken = tmca.simulate(scene, whole, seed=cell.seed)
-    dimmed = prior.scaled(cell.light / float(prior.mean.mean()))
-    for used, stored in ((prior, "plain_prior"), (dimmed, "metrics")):
-        estimate = tmca.reconstruct(taken, "lmmse", prior=used).values[0].numpy()
-        psnr = row[stored]["free, designed for the light"]["psnr"]
-        assert psnr == pytest.approx(all_metrics(estimate, scene.values)["psnr"], abs=1e-6)
-    rows = rows_of_tests(found["test"], found["light"])
-    assert list(rows[rows.noise == cell.noise].prior) == ["as learned"] * 8 + ["dimmed"] * 2
-
-
-@pytest.mark.slow
-def test_ranked_codes_are_expected_of_dimmed_examples_too(found, folder):
-    cell, (row,) = _stored_cell(folder, "ranking", codes="random K = 4")
-    there = task_of(cell, cell.light)
-    expected = -10 * np.log10(float(there.error.whole(ranks.coded(there, ranks.RANKED["random K = 4"]))))
-    assert row["expected_there"] == pytest.approx(expected, abs=1e-6)
-    assert row in found["ranking"]
-
-
 def _stored_cell(folder, kind, **named):
     """A finished cell of a kind and its rows."""
     for file in sorted((folder / "work").glob("*.json")):
@@ -163,17 +97,6 @@ def _stored_cell(folder, kind, **named):
             rows, _ = stored.pop("rows"), stored.pop("digest")
             return Cell.of(stored), rows
     raise AssertionError(kind)
-
-
-@pytest.mark.slow
-def test_the_order_of_codes_is_checked(found):
-    assert len(ranks.RANKED) >= 20
-    assert {row["codes"] for row in found["ranking"]} == set(ranks.RANKED)
-    for entry in found["rank_correlation"]:
-        own = [row for row in found["ranking"] if row["noise"] == entry["noise"]]
-        means = [np.mean(list(row["lmmse"].values())) for row in own]
-        first, second = (rankdata(v) for v in ([row["expected"] for row in own], means))
-        assert entry["rank_correlation"] == pytest.approx(np.corrcoef(first, second)[0, 1])
 
 
 @pytest.mark.slow
@@ -209,16 +132,6 @@ def test_impossible_studies_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
-def test_ingredients_are_compared_with_the_static_design(found):
-    assert [cell["noise"] for cell in found["ablation"]] == list(CORNERS)
-    for cell in found["ablation"]:
-        gains = {row["ingredient"]: row["gain"] for row in cell["rows"]}
-        assert set(gains) == set(INGREDIENTS)
-        assert gains["static, designed"] == 0
-        assert gains["free, designed"] >= max(0, gains["one-hot shutter, designed"]) - 1e-4
-
-
 def _small_cell(tmp_path):
     first = _first_cell(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
     return replace(first, sensor={"read_noise": 0.01})
@@ -233,29 +146,3 @@ def test_a_design_is_searched_once(tmp_path, monkeypatch):
     for one, other in zip(first.camera.codes(), again.camera.codes(), strict=True):
         assert one.equal(other)
     assert task_of(cell).error.whole(again.camera) == pytest.approx(first.mse)
-
-
-def test_a_cell_is_what_its_file_says(tmp_path):
-    code = ranks.RANKED["static, blue noise"]
-    cell = replace(_small_cell(tmp_path), code=code, checksums=(None, "a"), slots=(2, 4))
-    again = Cell.of(json.loads(json.dumps(asdict(cell))))
-    assert again.code == code
-    assert json.dumps(asdict(again)) == json.dumps(asdict(cell))
-
-
-@pytest.mark.slow
-def test_networks_learn_behind_their_codes_and_tune_them_if_told(tmp_path):
-    first = replace(
-        _small_cell(tmp_path), prior=str(prior_file(SCENES, tmp_path, 3)), train=tuple(SCENES),
-        validation=("motorcycle",), test=("coffee",), steps=2,
-    )  # fmt: skip
-    cells, rows = _network_cells(first, tmp_path, 2, 1), []
-    for cell in cells[: len(ranks.networks(2))]:
-        rows += ranks.ranking(cell)
-        stored = Weights.load(f"{cell.folder}/run")
-        assert stored.aperture.shape == (cell.code.slots, 4, 6)
-        assert stored.card["training"]["camera"]["learn"] == cell.code.tune
-    lines = network_rows(rows).set_index("codes")
-    assert list(lines.index) == list(ranks.networks(2))
-    assert lines.gain["static, designed"] == 0
-    assert lines.unrolled.iloc[0] == pytest.approx(np.mean([*rows[0]["unrolled"].values()]))

@@ -5,10 +5,8 @@ import pytest
 import torch
 
 from studies.real.merit import (
-    agreement,
     brightest_rows,
     neighbours_error,
-    part_of,
     prediction_error,
     reprojection_error,
     withheld,
@@ -65,21 +63,3 @@ def test_the_brightest_rows_are_a_camera_of_their_own():
     part = brightest_rows(snapshot, 10)
     assert part.camera.size == (10, 25)
     torch.testing.assert_close(part.camera.A(scene[:, :, 20:]), part.values)
-
-
-def test_agreement_is_the_known_error():
-    one = np.random.default_rng(0).uniform(0.2, 1, (5, 40, 41))
-    one[0, 0, 0] = 1
-    other = one + 0.01
-    found = agreement(one, other)
-    assert found[0] == pytest.approx(40, abs=0.1)
-    assert agreement(one, 2 * one)[1] == pytest.approx(0, abs=1e-3)
-
-
-def test_a_part_of_a_camera_keeps_its_optics():
-    camera = taken((31, 40))[0].camera
-    part = part_of(camera, slice(3, 10), slice(4, 20))
-    assert part.size == (7, 16)
-    assert part.dispersion == camera.dispersion
-    torch.testing.assert_close(part.codes()[0], camera.codes()[0][:, 3:10, 4:20])
-    torch.testing.assert_close(part.response, camera.response)

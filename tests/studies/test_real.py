@@ -11,7 +11,6 @@ import torch
 from studies.real.decoding import check_real_decoders, decode_real, stored_estimate
 from studies.real.figures import upright, upright_place
 from studies.real.geometry import light_by_offset, mask_evidence
-from studies.real.merit import reprojection_error
 from studies.real.page import page
 from tests.lab.real_captures.bench import captured, mask_of, smooth_scene
 from tests.studies.test_merit import taken
@@ -44,13 +43,6 @@ def test_captures_say_how_their_mask_lies_and_where_light_falls():
     light = light_by_offset([capture], mask, [-4, -2, 0, 2, 4, 6, 8, 10], 0.0)
     assert min(light[2:6]) > 0.7
     assert max(abs(light[[0, 1, 6, 7]])) < 0.1
-
-
-def test_the_plug_and_play_decoder_explains_a_snapshot():
-    snapshot, scene = taken((24, 26))
-    found = decode_real(snapshot, "pnp").estimate
-    assert reprojection_error(snapshot.camera.operator(), found, snapshot.values) < 0.05
-    assert float((found - scene).norm() / scene.norm()) < 0.3
 
 
 def test_decoders_are_known_and_a_network_has_weights():

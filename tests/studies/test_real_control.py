@@ -31,12 +31,6 @@ def test_a_known_scene_is_seen_by_the_middle_of_the_mask():
     assert found.camera.sensor is taken.camera.sensor
 
 
-def test_it_has_the_noise_of_the_capture():
-    scene = torch.full((1, 5, 31, 40), 0.3)
-    noisy, clean = (image_behind(capture(noise=noise), scene).values for noise in (0.05, 0.0))
-    assert float((noisy - clean).std()) == pytest.approx(0.05, rel=0.1)
-
-
 def test_the_middle_of_a_scene_at_the_bands_of_the_camera():
     camera = capture((31, 300)).camera
     scene = known_scene("coffee", camera)

@@ -4,10 +4,10 @@ import pytest
 import torch
 from scipy.stats import multivariate_normal
 
-from tests.priors.test_spectral_depth import BENCH, camera, prior_of
+from tests.operators.test_window_moments import BENCH, camera, prior_of
 from tmca.decoders import PatchLikelihood
 from tmca.design.spectral_depth import window_covariance
-from tmca.priors.spectral_depth import needed_block
+from tmca.operators.window_moments import needed_block
 from tmca.sensor import Sensor
 from tmca.training.depth_windows import DepthWindows
 

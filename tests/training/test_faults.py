@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-import torch
 
 from tests.training import test_spectral_depth as masks
 from tests.training import tiny
-from tmca.cameras import SpectralCamera
 from tmca.decoders import Weights
 from tmca.errors import SettingError
-from tmca.sensor import Sensor
 from tmca.training.faults import DrawnFaults
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")
@@ -30,21 +27,6 @@ def test_a_step_has_its_own_faults_within_their_ranges():
     leaks = [1 / one.contrast_ratio for one in drawn]
     assert np.mean(leaks) == pytest.approx((1 / 20 + 1 / 100) / 2, rel=0.1)
     assert {one.jitter for one in drawn} == {0.1}
-
-
-def test_the_same_seed_is_the_same_bench():
-    camera, faults = SpectralCamera(bands=3, size=(8, 9), slots=2), DrawnFaults({"delay": (-1, 1)})
-    scene = torch.rand(1, 3, 8, 9)
-    one, same, other = (faults.bench(camera, Sensor(), seed)[0](scene) for seed in ((1, 2), (1, 2), (1, 3)))
-    assert torch.equal(one, same)
-    assert not torch.equal(one, other)
-
-
-def test_without_faults_a_bench_is_the_camera_itself():
-    camera, sensor = SpectralCamera(bands=3, size=(8, 9), slots=2), Sensor()
-    bench = DrawnFaults().bench(camera, sensor, (0,))
-    assert bench[0] is camera
-    assert bench[1] is sensor
 
 
 @pytest.mark.parametrize("learn", ["none", "both"])

@@ -16,26 +16,6 @@ def pool_of(*counts, seed=0, folder=None, compute=None):
     return Pool.of(*counts, seed=seed, folder=folder, compute=compute)
 
 
-@pytest.mark.parametrize(("patches", "sensors", "groups"), [(1, 1, 1), (16, 1, 1), (17, 1, 2), (100, 3, 9)])
-def test_a_pool_holds_at_least_what_is_asked_for_each_sensor_alike(patches, sensors, groups):
-    pool = pool_of(patches, 4, sensors, 50)
-    assert (pool.groups, pool.size) == (groups, 16)
-    assert pool.first >= 50
-    assert pool.first % sensors == 0
-
-
-def test_batches_are_drawn_without_repetition_and_reach_every_patch():
-    pool = pool_of(32, 4, 1, 10, seed=3)
-    drawn = [pool.draw(step, range(4)) for step in range(200)]
-    assert all(len(set(places)) == 4 for _, places in drawn)
-    assert {(group, place) for group, places in drawn for place in places} == {
-        (group, place) for group in (10, 11) for place in range(16)
-    }
-    halves = [pool.draw(7, range(2)), pool.draw(7, range(2, 4))]
-    assert halves[0][0] == halves[1][0] == drawn[7][0]
-    assert halves[0][1] + halves[1][1] == drawn[7][1]
-
-
 def test_a_group_is_computed_once(tmp_path):
     asked = []
 
@@ -62,6 +42,7 @@ def test_a_pool_changes_speed_but_no_first_estimate(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("small_mixtures")
 def test_a_network_starts_from_the_mixture_where_codes_are_fixed(tmp_path):
     mixture = {**tiny.DESCRIBED["decoder"], "start": "mixture"}
     found = Weights.load(tiny.train(tmp_path / "run", **FIXED, decoder=mixture).weights)

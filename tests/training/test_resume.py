@@ -15,7 +15,6 @@ from safetensors.torch import load_file
 
 from tests.training import tiny
 from tmca.errors import DataError, OutputError, SettingError
-from tmca.training.folder import locked
 from tmca.training.loop import Stopped
 
 TINY = Path(tiny.__file__)
@@ -153,14 +152,6 @@ def test_a_run_that_has_a_checkpoint_keeps_it_when_its_input_goes_bad(undisturbe
         tiny.train(tmp_path / "run", load=load)
     tiny.train(tmp_path / "run")
     assert same(last_state(tmp_path / "run"), last_state(undisturbed))
-
-
-def test_a_folder_is_held_by_one_run_and_given_back_clean(tmp_path):
-    with locked(tmp_path / "run"), pytest.raises(OutputError, match="going on"), locked(tmp_path / "run"):
-        raise AssertionError
-    with pytest.raises(SettingError), locked(tmp_path / "other"):
-        raise SettingError("x", "bad")
-    assert not (tmp_path / "other").exists()
 
 
 @pytest.mark.slow

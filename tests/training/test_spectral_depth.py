@@ -280,6 +280,7 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     ("changes", "said"),
     [
         ({"camera.size": [32, 24]}, "patches"),
+        ({"data.bands": 31}, "data.bands"),
         ({"data.margin": 3}, "whole tiles of 2"),
         ({"data.side": 40, "data.margin": 10}, "a patch and its margin, 44"),
         ({"data.side": 35, "data.margin": None}, "a patch and its margin, 36"),

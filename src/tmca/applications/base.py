@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
-from tmca.attributes import Attributes, json_of
+from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
@@ -215,6 +215,8 @@ class Application(ABC):
             DataError: it does not say enough.
         """
         values = stored["radiance" if "radiance" in stored else "estimate"]
+        if not {"y", "x"} <= set(values.dims):
+            raise DataError(where, f"an estimate by {', '.join(map(str, values.dims))}", "one by y and x", REMEDY)
         return SimpleNamespace(kind=self.kind, size=(values.sizes["y"], values.sizes["x"]))
 
     # Pictures
@@ -273,7 +275,8 @@ def noted_reading(notes: Mapping[str, Any], where: object = "notes") -> dict[str
     Raises:
         DataError: a damaged note.
     """
-    if READING not in notes or notes[READING] == "{}":
+    text = str(notes.get(READING, "{}"))
+    if text == "{}":
         return {}
-    noted: _Reading = json_of(str(notes[READING]), f"{where}: attribute {READING}", _Reading)
+    noted: _Reading = json_of(text, f"{where}: attribute {READING}", _Reading)
     return noted.model_dump()

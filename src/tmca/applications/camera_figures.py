@@ -19,18 +19,18 @@ _POINTS = 4
 
 def snapshot_figure(snapshot: Snapshot[Any], title: str) -> Figure:
     """The recorded image, mean of its colours or channels, and how its values fill the sensor's range."""
-    camera = snapshot.camera
-    image = snapshot.values.mean((0, 1)).numpy(force=True)
-    return codes.snapshot_figure(image, camera.full_scale, camera.channel, title)
+    return codes.snapshot_figure(snapshot.image(), snapshot.camera.full_scale, snapshot.camera.channel, title)
 
 
 def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
     """Aperture T, shutter S and the code cube T̂ (thesis figure 19), a corner of ``corner`` pixels of each."""
-    aperture, shutter, code = (
-        plane.detach().cpu().numpy() for plane in (*camera.codes(), camera.code_cube().flatten(0, -3))
-    )
+    cube, shutters = camera.code_cube(), camera.bucket_shutters()
+    shown, cubes = camera.codes()[0], cube.reshape(camera.buckets, -1, *cube.shape[-2:])
+    parts = (shown, shutters, cubes) if camera.buckets > 1 else (shown, shutters[0], cubes[0])
+    aperture, shutter, code = (plane.detach().cpu().numpy() for plane in parts)
     size = f"first {min(corner, camera.size[0])} × {min(corner, camera.size[1])} of {camera.size[0]} × {camera.size[1]}"
-    title = f"{size} pixels, K = {camera.slots}, light throughput {camera.throughput():.1%}"
+    buckets = f", {camera.buckets} buckets" if camera.buckets > 1 else ""
+    title = f"{size} pixels, K = {camera.slots}{buckets}, light throughput {camera.throughput():.1%}"
     return codes.codes_figure(aperture, shutter, code, camera.channel_names, title, corner)
 
 
@@ -43,7 +43,8 @@ def rays_figure(camera: LightFieldCamera) -> Figure:
 def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:
     """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
     with torch.no_grad():
-        parts = (*camera.codes(), camera.filters.cells(), camera.filters.filters, camera.response)
+        shown = camera.shutter()[: camera.slots]  # of the first bucket
+        parts = (camera.codes.optics.heights(), shown, camera.filters.cells(), camera.filters.filters, camera.response)
         heights, shutter, cells, filters, response = (part.cpu().numpy() for part in parts)
     return codes.phase_codes_figure(heights, shutter, cells, filters, response, camera.wavelengths)
 

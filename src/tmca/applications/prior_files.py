@@ -12,9 +12,9 @@ from tmca.data.fitting import at_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders.likelihood import usual_window
 from tmca.errors import SettingError
+from tmca.operators.window_moments import needed_block
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior
-from tmca.priors.spectral_depth import needed_block
 from tmca.specs import SensorSpec, SpectralSpec
 
 if TYPE_CHECKING:

@@ -16,9 +16,10 @@ from tmca.applications.camera_figures import phase_codes_figure, psf_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
-from tmca.attributes import Attributes, attributes_of
+from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.data.scene_names import READING, compare_source
+from tmca.errors import DataError
 from tmca.optics import DepthPlanes
 from tmca.sensor import Sensor
 
@@ -91,7 +92,7 @@ class SpectralDepthDemo(Demo):
 
 
 class _Planes(Attributes):
-    """What an estimate says of the depth that its camera tells apart, see ``tmca.decoders.estimate.PLANES``."""
+    """What an estimate says of the depth that its camera tells apart, see ``tmca.decoders.decoder.PLANES``."""
 
     depth_planes: Json[DepthPlanes]
 
@@ -172,13 +173,20 @@ class SpectralDepthApplication(Application):
         """See ``Application``."""
         from tmca.data import read_dataset
 
-        return read_dataset(path, _PARTS)
+        stored = read_dataset(path, _PARTS)
+        if stored["depth"].isnull().any():
+            raise DataError(path, "a depth that is not a number", "the distance of every pixel", REMEDY)
+        return stored
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
         """See ``Application``."""
-        camera = super().camera_of(stored, where)
-        camera.wavelengths = tuple(stored["radiance"]["wavelength"].values.tolist())
+        camera, radiance = super().camera_of(stored, where), stored["radiance"]
+        if "wavelength" not in radiance.dims or "wavelength" not in radiance.coords:
+            raise DataError(where, "radiance without wavelengths", "one along a coordinate wavelength", REMEDY)
+        camera.wavelengths = tuple(radiance["wavelength"].values.tolist())
         camera.planes = attributes_of(_Planes, stored.attrs, where).depth_planes
+        if np.isfinite(camera.planes.far) and np.isinf(stored["depth"].values).any():
+            raise DataError(where, "an infinite depth", f"at most {camera.planes.far:g} m", REMEDY)
         return camera
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:

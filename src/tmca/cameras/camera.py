@@ -6,18 +6,17 @@ import dataclasses
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 
-from tmca.arguments import Count, Size, checked
-from tmca.attributes import attributes_of
-from tmca.cameras.parts import CameraParts
-from tmca.cameras.stated import CameraAttributes, CodedAttributes, check_frame
-from tmca.codes import Codes, MultiplexedCodes, fitted_codes
-from tmca.codes.files import TILE, Axes, code_variables, tensors
+from tmca.arguments import Count, FromArguments, Size, checked
+from tmca.attributes import Attributes, attributes_of
+from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
+from tmca.codes.files import TILE, Axes, Frame, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
@@ -34,7 +33,23 @@ CODING = tuple(Codes.__dataclass_fields__)
 """Parts of the description of codes, which constructors also take one by one."""
 
 
-class Camera(CameraParts, nn.Module, ABC):
+class CameraAttributes(Attributes):
+    """What a file says of any camera; ``Sensor`` checks its own arguments, and ``size`` is where codes repeat."""
+
+    exposure: str
+    full_scale: float = Field(gt=0)
+    sensor: Json[dict[str, Any]]
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
+    size: Json[Frame] | None = None
+
+
+class CodedAttributes(CameraAttributes):
+    """Of a camera with an aperture and a shutter."""
+
+    period: Json[Frame | None] = None
+
+
+class Camera(FromArguments, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
@@ -61,9 +76,9 @@ class Camera(CameraParts, nn.Module, ABC):
             CAMERAS[cls.kind] = cls
 
     @checked
-    def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None) -> None:
+    def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None, buckets: Count = 1) -> None:
         super().__init__()
-        self.size, self.slots = size, slots
+        self.size, self.slots, self.buckets = size, slots, buckets
         check_choice("exposure", exposure, EXPOSURES)
         self.exposure = exposure
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
@@ -125,7 +140,8 @@ class Camera(CameraParts, nn.Module, ABC):
             "sensor": json.dumps(self.sensor.settings()), "tmca_version": __version__,
         }  # fmt: skip
         size = {"size": json.dumps(self.size)} if tiled else {}
-        return xr.Dataset(parts, coordinates, {**common, **attributes, **size})
+        buckets = {"buckets": self.buckets} if self.buckets > 1 else {}
+        return xr.Dataset(parts, coordinates, {**common, **attributes, **size, **buckets})
 
     @classmethod
     def from_variables(cls, dataset: xr.Dataset, where: str, **changes: Any) -> Self:
@@ -135,10 +151,10 @@ class Camera(CameraParts, nn.Module, ABC):
             DataError: variables that make no camera; ``where`` names their file.
         """
         stated = attributes_of(cls.attributes, dataset.attrs, where)
-        check_frame(stated.size, where)
         try:
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}
+            settings |= {} if stated.buckets == 1 else {"buckets": stated.buckets}
             sensor: dict[str, Any] = dict(stated.sensor)
             settings["sensor"] = Sensor(**sensor)
             return cls(**{**settings, **changes})
@@ -148,7 +164,7 @@ class Camera(CameraParts, nn.Module, ABC):
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """Names of the axes of snapshots (B, C, H, W') in a file, those of length one left out."""
-        return ("y", "x")
+        return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
 
     @property
     def learnable(self) -> bool:
@@ -296,7 +312,8 @@ class CodedCamera(Camera):
             if name not in CODING:
                 expected = f"one of {', '.join(self._arguments())}"
                 raise SettingError(name, "an unknown name", expected, "leave it out")
-        self.codes = fitted_codes(codes, self.slots, aperture, shutter, **coding)  # type: ignore[assignment]
+        fitted = fitted_codes(codes, self.slots, aperture, shutter, self.buckets, **coding)
+        self.codes = fitted  # type: ignore[assignment]
         described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
         self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
 
@@ -326,6 +343,10 @@ class CodedCamera(Camera):
         else:
             self.register_buffer("response", values.flatten())
 
+    def bucket_shutters(self) -> Tensor:
+        """(R, K, H, W') what every bucket of the pixels collects."""
+        return bucket_shutters(self.codes()[1], self.slots, self.buckets)
+
     @property
     def channels(self) -> int:
         """Number of bands or views of the scene."""
@@ -338,12 +359,12 @@ class CodedCamera(Camera):
 
     @abstractmethod
     def code_cube(self) -> Tensor:
-        """The time-multiplexed code T̂ of every channel."""
+        """The time-multiplexed code T̂ of every channel; with several buckets that of each of them, (R, …)."""
 
     def throughput(self) -> float:
-        """Mean of T̂ under equal exposure."""
+        """Mean of T̂ under equal exposure, summed over the buckets."""
         with torch.no_grad():
-            return float(self.code_cube().mean()) / self.exposures
+            return float(self.code_cube().mean()) * self.buckets / self.exposures
 
     def _check_no_depth(self, depth: Tensor | None) -> None:
         if depth is not None:
@@ -369,6 +390,8 @@ class CodedCamera(Camera):
         planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
         if tiled and period is not None:
             planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
+        if len(planes[1]) > self.slots:  # of all buckets
+            planes, shutter = (planes[0], planes[1].unflatten(0, (-1, self.slots))), ("bucket", *shutter)
         return code_variables(planes, aperture, shutter), {"period": json.dumps(period)}
 
     @classmethod

@@ -16,7 +16,7 @@ from torch import Tensor
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import SpectralDepthCamera
-from tmca.codes import FAMILIES
+from tmca.codes import BURST, FAMILIES
 from tmca.codes.files import read_codes
 from tmca.data import read_array
 from tmca.errors import SettingError, TmcaError
@@ -37,6 +37,8 @@ from tmca.specs import (
 _MOST_CODES = 2**33
 """Bytes of codes that a machine may hold."""
 _PLANES = ("aperture", "shutter")
+_IN_CODES = (*_PLANES, "heights", "filters", "channels", "exposure", "energy")
+"""Arguments of cameras that files of codes may give."""
 
 
 class CodesWarning(UserWarning):
@@ -64,11 +66,13 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
     arguments = {**_arguments(spec, bench, shape), "sensor": Sensor(**(sensor or SensorSpec()).model_dump())}
     try:
         camera: Camera = kind(**arguments)
+        if isinstance(camera, CodedCamera) and camera.throughput() == 0:
+            expected = "some open pixels in aperture and shutter together"
+            raise SettingError("aperture", "none that let light through", expected)
     except TmcaError as error:
-        raise _of_file(error, spec) from error
-    if isinstance(camera, CodedCamera) and camera.throughput() == 0:
-        expected = "some open pixels in aperture and shutter together"
-        raise SettingError("aperture", "none that let light through", expected)
+        if (named := _of_file(error, spec)) is error:
+            raise
+        raise named from error
     return camera
 
 
@@ -101,7 +105,8 @@ def _arguments(spec: CameraSpec, bench: Spec | None, shape: dict[str, Any]) -> d
 
 def _of_file(error: TmcaError, spec: CameraSpec) -> TmcaError:
     """An error about what stands in a file names the field and the file that it may have come from."""
-    for name in (error.where, *(["codes", "coloured"] if error.where in _PLANES else [])):
+    files = [*["codes"][: error.where in _IN_CODES], *["coloured"][: error.where in _PLANES]]
+    for name in (error.where, *files):
         value = getattr(spec, name, None) if name.isidentifier() else None
         if isinstance(value, str | Path) and Path(value).suffix:
             return type(error)(f"{name} {value}", error.found, error.expected, error.remedy)
@@ -115,7 +120,8 @@ def _coded(spec: CodedSpec, shape: dict[str, Any]) -> dict[str, Any]:
         others = spec.only("preset", "weights", "coloured")
         arguments |= _alone(read_codes(spec.codes).settings(), arguments, others)
     for plane in _PLANES:
-        if isinstance(arguments.get(plane), str) and arguments[plane] not in FAMILIES:
+        families = (*FAMILIES, BURST) if plane == "shutter" else FAMILIES
+        if isinstance(arguments.get(plane), str) and arguments[plane] not in families:
             arguments[plane] = read_patterns(arguments[plane], plane)
     patterns = [arguments[plane] for plane in _PLANES if isinstance(arguments.get(plane), Tensor)]
     if patterns and patterns[0].ndim == 3:

@@ -10,10 +10,10 @@ from torch import Tensor, nn
 
 from tmca.cameras.camera import Camera, CodedCamera
 from tmca.cameras.light_field import LightFieldCamera
-from tmca.cameras.phase_parts import PhaseCodes
 from tmca.cameras.spectral import SpectralCamera
-from tmca.cameras.spectral_depth import SpectralDepthCamera
+from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
+from tmca.codes.buckets import bucket_shutters, mixed_buckets
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_psf
 from tmca.optics.zernike import noll, zernike_modes
@@ -110,12 +110,12 @@ def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int, outsid
 
 
 def _faulty_codes(camera: CodedCamera, hardware: Hardware, seed: int, size: Any, **how: Any) -> FaultyCodes:
-    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
+    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed, camera.buckets)
     return FaultyCodes(camera.codes, faults, hardware, (int(size[0]), int(size[1])), **how)
 
 
 def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) -> dict[str, Any]:
-    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed)
+    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed, camera.buckets)
     optics = camera.point_spread
     if hardware.height_error or hardware.wavefront_error:
         path = aberration(hardware.wavefront_error, optics.heights.size, seed)
@@ -140,13 +140,14 @@ class ShutterFaults(nn.Module):
         slots: K.
         rows: of the sensor.
         seed: of the jitter.
+        buckets: R of a pixel.
     """
 
     overlap: Tensor
 
-    def __init__(self, hardware: Hardware, slots: int, rows: int, seed: int = 0) -> None:
+    def __init__(self, hardware: Hardware, slots: int, rows: int, seed: int = 0, buckets: int = 1) -> None:
         super().__init__()
-        self.leakage = hardware.leakage
+        self.leakage, self.slots, self.buckets = hardware.leakage, slots, buckets
         late = hardware.delay + hardware.rolling * torch.linspace(0, 1, rows, dtype=torch.float64)[:, None]
         source = torch.Generator().manual_seed(seed)
         drawn = torch.arange(slots) + late + hardware.jitter * torch.randn(slots, generator=source).double()
@@ -157,8 +158,13 @@ class ShutterFaults(nn.Module):
         self.timed = bool((self.overlap - torch.eye(slots)).abs().max() > 1e-12)
 
     def forward(self, shutter: Tensor) -> Tensor:
-        """(K, H, W) → (K, H, W), grey."""
-        leaking = leaked(shutter, self.leakage)
+        """(K, H, W) → (K, H, W), grey; of several buckets → (R·K, H, W), what each of them collects."""
+        if self.buckets > 1:
+            parts = mixed_buckets(bucket_shutters(shutter, self.slots, self.buckets), self.leakage)
+            return torch.cat([self._in_time(part) for part in parts])
+        return self._in_time(leaked(shutter, self.leakage))
+
+    def _in_time(self, leaking: Tensor) -> Tensor:
         return through_time(leaking, self.overlap) if self.timed else leaking
 
 
@@ -194,7 +200,7 @@ class FaultyCodes(nn.Module):
         return bool(self.codes.learnable)
 
     def forward(self) -> tuple[Tensor, Tensor]:
-        """(aperture (K, H, Wa), shutter (K, H, W')), grey."""
+        """(aperture (K, H, Wa), shutter (K, H, W') or (R·K, H, W')), grey."""
         aperture, shutter = self.codes()
         hardware = self.hardware
         shift = hardware.shift

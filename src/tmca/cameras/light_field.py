@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
+from pydantic import Json
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import CodedCamera
-from tmca.cameras.stated import LightFieldAttributes
+from tmca.cameras.camera import CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
 from tmca.errors import check_shape
-from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code
+from tmca.operators import TapOperator, code_through_mask, coded_mask, exposure_weight, mask_code, of_buckets
 from tmca.optics import MaskGeometry, ViewShear, view_coordinates, view_grid
 from tmca.specs import LightFieldSpec
 
@@ -34,6 +34,13 @@ PRESETS: dict[str, dict[str, Any]] = {
     "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot"},
     "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
+
+
+class LightFieldAttributes(CodedAttributes):
+    """What a file says of the light-field camera."""
+
+    shear: Json[float | tuple[float, float]] = 1.0
+    mask_scale: float
 
 
 class LightFieldCamera(CodedCamera):
@@ -58,6 +65,7 @@ class LightFieldCamera(CodedCamera):
             (1-s)·p.
         vignetting: (V, U) share ω of the light of every view; ones if None.
         sensor: noise, full well, bits; an ideal sensor if None.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
         coding: parts of the description of the codes, see ``Codes``: ``aperture``, ``shutter``, ``period``, ….
 
     Raises:
@@ -86,9 +94,10 @@ class LightFieldCamera(CodedCamera):
         mask_scale: Float = 1.0,
         vignetting: Array | Sequence[Sequence[float]] | None = None,
         sensor: Annotated[nn.Module | None, "a Sensor"] = None,
+        buckets: Count = 1,
         **coding: Any,
     ) -> None:
-        super().__init__((270, 480) if size is None else size, slots, exposure, sensor)
+        super().__init__((270, 480) if size is None else size, slots, exposure, sensor, buckets)
         self.views = view_grid(5 if views is None else views)
         self.shear = ViewShear(self.views, shear, mask_scale)  # type: ignore[arg-type]
         self._hold_response(torch.ones(self.views) if vignetting is None else vignetting, "vignetting", self.views)
@@ -132,8 +141,8 @@ class LightFieldCamera(CodedCamera):
 
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
-        """(1, H, W)."""
-        return (1, *self.size)
+        """(R, H, W) of R buckets."""
+        return (self.buckets, *self.size)
 
     @property
     def channel_names(self) -> list[str]:
@@ -142,18 +151,22 @@ class LightFieldCamera(CodedCamera):
         return [f"view {v}, {u}" for v in rows for u in columns]
 
     def code_cube(self) -> Tensor:
-        """(V, U, H, W) the time-multiplexed code T̂ of eq. (12), without vignetting."""
-        return mask_code(*self.codes(), self.shear) * exposure_weight(self.exposure, self.slots)
+        """(V, U, H, W) the time-multiplexed code T̂ of eq. (12), without vignetting; with several buckets (R, V, U, H,
+        W)."""
+        aperture, shutters = self.codes()[0], self.bucket_shutters()
+        cubes = [mask_code(aperture, shown, self.shear) for shown in shutters]
+        return (cubes[0] if self.buckets == 1 else torch.stack(cubes)) * exposure_weight(self.exposure, self.slots)
 
     def code_through_mask(self) -> Tensor:
         """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel, in the
-        units of `code_cube`."""
-        return code_through_mask(*self.codes(), self.shear) * self.exposures
+        units of `code_cube`; of the first bucket."""
+        return code_through_mask(self.codes()[0], self.bucket_shutters()[0], self.shear) * self.exposures
 
     def build_operator(self, depth: Tensor | None = None) -> TapOperator:
         """The linear part, on scenes (B, V·U, H, W), their views row by row."""
         self._check_no_depth(depth)
-        return coded_mask(*self.codes(), self.shear, self.vignetting, self.exposure)
+        aperture, how = self.codes()[0], (self.shear, self.vignetting, self.exposure)
+        return of_buckets([coded_mask(aperture, shown, *how) for shown in self.bucket_shutters()])
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -163,14 +176,13 @@ class LightFieldCamera(CodedCamera):
         if scene.ndim != 6:
             return super().exact(scene, depth)
         check_shape("scene", scene, ("batch", self.slots, *self.scene_shape))
-        aperture, shutter = self.codes()
-        slots = [
-            coded_mask(aperture[k : k + 1], shutter[k : k + 1], self.shear, self.vignetting).A(
-                scene[:, k].flatten(1, 2)
-            )
-            for k in range(self.slots)
-        ]
+        slots = [self._during(k).A(scene[:, k].flatten(1, 2)) for k in range(self.slots)]
         return torch.stack(slots).sum(0) * exposure_weight(self.exposure, self.slots)
+
+    def _during(self, slot: int) -> TapOperator:
+        """The operator of one slot alone."""
+        aperture, shutters = self.codes()[0][slot : slot + 1], self.bucket_shutters()[:, slot : slot + 1]
+        return of_buckets([coded_mask(aperture, shown, self.shear, self.vignetting) for shown in shutters])
 
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """(view_v, view_u, y, x), with the three colours of a batch first."""
@@ -181,7 +193,8 @@ class LightFieldCamera(CodedCamera):
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """A batch of three is the colours."""
-        return ("colour", "y", "x") if len(snapshots) == 3 else ("y", "x")
+        axes = super().snapshot_axes(snapshots)
+        return ("colour", *axes) if len(snapshots) == 3 else axes
 
     def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y_mask, x_mask), ``shutter`` (slot, y, x) and ``vignetting`` (view_v, view_u).

@@ -11,8 +11,15 @@ from typing import Any
 
 from tmca.attributes import attributes_of
 from tmca.cameras.spectral_depth import SpectralDepthCamera, phase_settings
-from tmca.cameras.stated import PhaseCodesAttributes
 from tmca.errors import DataError
+from tmca.optics import PhaseAttributes
+
+
+class PhaseCodesAttributes(PhaseAttributes):
+    """What the file says: filters and channels by their names."""
+
+    filters: str
+    channels: str
 
 
 def write_phase_codes(

@@ -63,7 +63,7 @@ class Snapshot(Generic[Kind]):
         remedy = "several snapshots are saved one by one"
         check_shape("values", self.values, (colours, *self.camera.snapshot_shape), remedy)
         values = self.values.numpy(force=True)
-        dataset["snapshot"] = (axes, values.reshape(_shape(values, axes)), _MEANING)
+        dataset["snapshot"] = (axes, values.reshape(_shape(values, axes, self.camera.buckets)), _MEANING)
         if colours == 3:
             dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
         dataset.attrs = {**_stored_notes(self.notes), **dataset.attrs}
@@ -102,23 +102,29 @@ class Snapshot(Generic[Kind]):
             wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
             raise DataError(path, f"attribute full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
-        notes = {str(name): value for name, value in dataset.attrs.items() if name not in camera.variables().attrs}
+        stated_by_camera = camera.variables().attrs
+        notes = {str(name): value for name, value in dataset.attrs.items() if name not in stated_by_camera}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
+
+    def image(self) -> np.ndarray:
+        """(H, W') mean of its colours or channels; of several buckets (R, H, W')."""
+        buckets = self.values.unflatten(1, (self.camera.buckets, -1)).mean((0, 2)).numpy(force=True)
+        return buckets if self.camera.buckets > 1 else buckets[0]
 
     def plot(self) -> Figure:
         """The snapshot as a picture."""
         from tmca.plots.codes import snapshot_figure
 
         title = f"{self.camera.kind}, K = {self.camera.slots}"
-        image = self.values.mean((0, 1)).numpy(force=True)
-        return snapshot_figure(image, self.camera.full_scale, self.camera.channel, title)
+        return snapshot_figure(self.image(), self.camera.full_scale, self.camera.channel, title)
 
     def __repr__(self) -> str:
         camera, noise = self.camera, self.camera.noise
         shape = "×".join(map(str, self.values.shape))
         scene = "×".join(map(str, camera.scene_shape))
+        buckets = f", {camera.buckets} buckets" if camera.buckets > 1 else ""
         return (
-            f"Snapshot({shape}, {camera.kind} camera of a {scene} scene, K = {camera.slots}, "
+            f"Snapshot({shape}, {camera.kind} camera of a {scene} scene, K = {camera.slots}{buckets}, "
             f"read noise {noise.read:.4g}, shot noise {noise.shot:.4g})"
         )
 
@@ -181,10 +187,11 @@ def _check_complete(dataset: xr.Dataset, where: str | Path, kind: type[Camera]) 
         raise DataError(where, there, "a snapshot with the codes that made it", remedy)
 
 
-def _shape(values: np.ndarray, axes: tuple[str, ...]) -> tuple[int, ...]:
-    """Shape of snapshots (B, C, H, W') on these axes: of batch and channels what is named."""
+def _shape(values: np.ndarray, axes: tuple[str, ...], buckets: int) -> tuple[int, ...]:
+    """Shape of snapshots (B, R·C, H, W') on these axes: of batch, buckets and channels what is named."""
     batch, channels, *frame = values.shape
-    return (*((batch,) if "colour" in axes else ()), *((channels,) if "channel" in axes else ()), *frame)
+    sizes = {"colour": batch, "bucket": buckets, "channel": channels // buckets}
+    return (*(size for name, size in sizes.items() if name in axes), *frame)
 
 
 def _values(dataset: xr.Dataset, camera: Camera, where: str) -> torch.Tensor:
@@ -196,6 +203,7 @@ def _values(dataset: xr.Dataset, camera: Camera, where: str) -> torch.Tensor:
     stored, values = dataset["snapshot"], tensors(dataset, where, "snapshot")["snapshot"]
     colours = "colour" in stored.dims
     batch = values if colours else values[None]
+    batch = batch.flatten(1, 2) if {"bucket", "channel"} <= {*stored.dims} and batch.ndim == 5 else batch
     channels, height, width = camera.snapshot_shape
     batch = batch if "channel" in stored.dims or channels > 1 else batch[:, None]
     if batch.ndim != 4 or tuple(batch.shape[1:]) != camera.snapshot_shape:

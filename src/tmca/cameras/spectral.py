@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 import torch
+from pydantic import Field, Json
 from torch import Tensor, nn
 from torch.nn.functional import pad
 
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CodedCamera
-from tmca.cameras.stated import SpectralAttributes
+from tmca.cameras.camera import BandCamera, CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
 from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
 from tmca.operators import (
+    Buckets,
     LinearOperator,
     SensorColumns,
     SlotwiseDisperser,
     TapOperator,
     coloured_code,
     dual_disperser,
+    of_buckets,
     single_disperser,
     sum_by_channel,
 )
@@ -43,6 +45,19 @@ PRESETS: dict[str, dict[str, Any]] = {
     "cassi": {"bands": 12, "size": (256, 256), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"bands": 12, "size": (256, 256), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
+
+
+_Blur = Annotated[float, Field(ge=0, le=1000)]
+
+
+class SpectralAttributes(CodedAttributes):
+    """What a file says of the spectral camera."""
+
+    disperser: str
+    dispersion_axis: Literal["x"] = "x"
+    origin: float
+    relay_blur: Json[_Blur | tuple[_Blur, ...]] = 0.0
+    beside: Json[tuple[int, int]] = (0, 0)
 
 
 class SpectralCamera(BandCamera, CodedCamera):
@@ -70,6 +85,7 @@ class SpectralCamera(BandCamera, CodedCamera):
         coloured: (L, H, W) transmittance of a static coloured aperture, which takes the place of the codes: an open
             shutter, one slot, a single disperser, no relay blur.
         beside: columns of the dispersed light that fall left and right of the sensor.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
         coding: parts of the description of the codes, see ``Codes``: ``aperture``, ``shutter``, ``period``, ….
 
     Raises:
@@ -99,11 +115,12 @@ class SpectralCamera(BandCamera, CodedCamera):
         sensor: Annotated[nn.Module | None, "a Sensor"] = None,
         coloured: Array | None = None,
         beside: IntPair = (0, 0),
+        buckets: Count = 1,
         **coding: Any,
     ) -> None:
         if coloured is not None:
-            slots, codes, coding = 1, Codes(aperture="open", shutter="open"), {}
-        super().__init__((256, 256) if size is None else size, slots, exposure, sensor)
+            slots, buckets, codes, coding = 1, 1, Codes(aperture="open", shutter="open"), {}
+        super().__init__((256, 256) if size is None else size, slots, exposure, sensor, buckets)
         self._hold_bands(12 if bands is None else bands)
         check_choice("disperser", disperser, DISPERSERS)
         self.disperser, self.beside = disperser, beside
@@ -127,18 +144,19 @@ class SpectralCamera(BandCamera, CodedCamera):
 
     def code_cube(self) -> Tensor:
         """(L, H, W) the time-multiplexed code T̂ of eq. (20), without the sensor response; for a fractional
-        displacement, the sum over its two taps."""
+        displacement, the sum over its two taps. With several buckets (R, L, H, W)."""
         if self.coloured is not None:
             return self.coloured
-        build = single_disperser if self.disperser == "single" else dual_disperser
-        taps = build(*self._wide_codes(), self.dispersion, None, self.exposure).taps
-        return sum_by_channel(taps.code, taps.channels, self.bands)
+        taps = self._coded(None).taps
+        channels = taps.of_bucket(taps.channels)
+        cubes = [sum_by_channel(code, channels, self.bands) for code in taps.bucket_code]
+        return cubes[0] if self.buckets == 1 else torch.stack(cubes)
 
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
-        """(1, H, W'): wider than the scene behind a single disperser."""
+        """(R, H, W') of R buckets: wider than the scene behind a single disperser."""
         wider = self.dispersion.extent - sum(self.beside) if self.disperser == "single" else 0
-        return (1, self.size[0], self.size[1] + wider)
+        return (self.buckets, self.size[0], self.size[1] + wider)
 
     @property
     def blurred(self) -> bool:
@@ -168,7 +186,8 @@ class SpectralCamera(BandCamera, CodedCamera):
         return self._slotwise((top, left, height, width), moving=True)
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
-        return ("y", "x_sensor" if self.disperser == "single" else "x")
+        bucket, row = super().snapshot_axes(snapshots)[:-2], "x_sensor" if self.disperser == "single" else "x"
+        return (*bucket, "y", row)
 
     def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y, x), ``shutter`` (slot, y, x_sensor), ``displacement`` and ``response`` (wavelength),
@@ -230,13 +249,17 @@ class SpectralCamera(BandCamera, CodedCamera):
     def _collapsed(self) -> TapOperator:
         if self.coloured is not None:
             return coloured_code(self.coloured, self.dispersion, self.response)
+        return self._coded(self.response)
+
+    def _coded(self, response: Tensor | None) -> TapOperator:
         build = single_disperser if self.disperser == "single" else dual_disperser
-        return build(*self._wide_codes(), self.dispersion, self.response, self.exposure)
+        aperture, shutters = self._wide_codes()
+        return of_buckets([build(aperture, shown, self.dispersion, response, self.exposure) for shown in shutters])
 
     def _wide_codes(self) -> tuple[Tensor, Tensor]:
-        """Aperture and shutter, dark beside the sensor."""
-        aperture, shutter = self.codes()
-        return aperture, pad(shutter, self.beside) if any(self.beside) else shutter
+        """Aperture (K, H, W) and shutters (R, K, H, W') of the buckets, dark beside the sensor."""
+        aperture, shutters = self.codes()[0], self.bucket_shutters()
+        return aperture, pad(shutters, self.beside) if any(self.beside) else shutters
 
     def _on_sensor(self, operator: LinearOperator) -> LinearOperator:
         return SensorColumns(operator, self.beside) if any(self.beside) else operator
@@ -246,11 +269,11 @@ class SpectralCamera(BandCamera, CodedCamera):
             other = "'dual'" if self.disperser == "dual" else "a coloured aperture"
             raise SettingError("disperser", other, "'single' and binary codes for relay blur or a moving scene")
         top, left, height, width = part or (0, 0, *self.size)
-        aperture, shutter = (plane[:, top : top + height, left:] for plane in self._wide_codes())
-        planes = aperture[..., :width], shutter[..., : width + self.dispersion.extent]
+        aperture, shutters = (plane[..., top : top + height, left:] for plane in self._wide_codes())
+        aperture, shutters = aperture[..., :width], shutters[..., : width + self.dispersion.extent]
         blur = gaussian_psf(self.relay_blur, self.bands).to(self.response) if self.blurred else None
-        slotwise = SlotwiseDisperser(*planes, self.dispersion, self.response, self.exposure, blur, moving)
-        return self._on_sensor(slotwise)
+        how = (self.dispersion, self.response, self.exposure, blur, moving)
+        return self._on_sensor(Buckets.of([SlotwiseDisperser(aperture, shown, *how) for shown in shutters]))
 
     def _check_beside(self) -> None:
         wide = self.dispersion.extent + self.size[1] - 1 if self.disperser == "single" else 0

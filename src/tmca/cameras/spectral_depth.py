@@ -7,32 +7,31 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera
-from tmca.cameras.phase_parts import PhaseCodes, mask_maps, shutter_plane
+from tmca.cameras.camera import BandCamera, CameraAttributes
 from tmca.cameras.sensor_tiles import exposed_in_tiles
-from tmca.cameras.stated import PhaseAttributes, SpectralDepthAttributes, check_optics
+from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array
-from tmca.codes.files import TILE, compact, tensors
+from tmca.codes.buckets import bucket_shutters
+from tmca.codes.files import TILE, Axes, compact, tensors
 from tmca.errors import SettingError, check_choice
-from tmca.operators.spectral_depth import (
-    LayeredOperator,
-    check_pixel,
-    equivalent_psf,
-    framed,
-    transfer_functions,
-)
+from tmca.operators.spectral_depth import LayeredOperator, check_pixel, equivalent_psf, framed, transfer_functions
 from tmca.optics import (
     MODES,
     DepthPlanes,
     HeightMaps,
+    PhaseAttributes,
     PhaseMaskBench,
+    PointSpread,
     Stroke,
+    check_stated,
     family_parameters,
+    mask_maps,
     restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
@@ -45,7 +44,7 @@ IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
 PROBE = (512, 512)
 """Pixels of a camera that is only asked what it is, or whether it can be: any tile fits."""
-_SHARED = {"size", "exposure", "image_formation", "sensor", "filters"}
+_SHARED = {"size", "buckets", "exposure", "image_formation", "sensor", "filters"}
 """Parts that leave optics and codes as they are."""
 _THESIS: dict[str, Any] = {
     # thesis 5.2: 25 bands from 440 to 680 nm, K = 4, eight planes from 0.4 to 2.0 m, R = 4 filters, 256×256 patches.
@@ -77,6 +76,26 @@ PRESETS: dict[str, dict[str, Any]] = {
     "quick": {**_THESIS, **_QUICK},
     "quick-diffractive": {**_THESIS, **_QUICK, **_MASK_ONLY},
 }
+
+
+class SpectralDepthAttributes(CameraAttributes, PhaseAttributes):
+    """Of the whole camera."""
+
+    image_formation: str = "linear"
+
+
+class PhaseCodes(nn.Module):
+    """Height maps, with the point spread functions that they make, and shutter patterns (K, H, W): what a camera shows.
+
+    Called, it gives the height maps (K, Hm, Wm) in metres and the shutter.
+    """
+
+    def __init__(self, optics: PointSpread, shutter: nn.Module) -> None:
+        super().__init__()
+        self.optics, self.shutter = optics, shutter
+
+    def forward(self) -> tuple[Tensor, Tensor]:
+        return self.optics.heights(), self.shutter()
 
 
 class SpectralDepthCamera(BandCamera):
@@ -116,6 +135,8 @@ class SpectralDepthCamera(BandCamera):
         seed: of mask, shutter and filters.
         learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
         codes: masks with their optics, and shutter, as a module, in the place of what describes them.
+        buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
+            The channels of a snapshot are those of the first bucket, then those of the second.
 
     Raises:
         SettingError, ShapeError: an impossible value, or parts that do not fit.
@@ -156,8 +177,9 @@ class SpectralDepthCamera(BandCamera):
         seed: Seed = 0,
         learnable: bool | Names = False,
         codes: PhaseCodes | None = None,
+        buckets: Count = 1,
     ) -> None:
-        super().__init__((96, 96) if size is None else size, slots, exposure, sensor)
+        super().__init__((96, 96) if size is None else size, slots, exposure, sensor, buckets)
         named = (learnable,) if isinstance(learnable, bool) else learnable
         for part in named:
             check_choice("learnable", part, (True, False, *LEARNABLE))
@@ -175,7 +197,7 @@ class SpectralDepthCamera(BandCamera):
             optics = self.bench.point_spread(heights, self.wavelengths, self.planes, energy)
         self.point_spread = optics if codes is None else codes.optics
         given = shutter if codes is None else codes.shutter
-        self.shutter = shutter_plane(given, slots, self.size, self.period, seed, "shutter" in learned)
+        self.shutter = shutter_plane(given, slots, buckets, self.size, self.period, seed, "shutter" in learned)
         self.filters = ColourCodedAperture.of(
             filters, self.wavelengths, self.size, self.period, cells, seed, learnable="filters" in learned
         )
@@ -222,8 +244,8 @@ class SpectralDepthCamera(BandCamera):
 
     @property
     def snapshot_shape(self) -> tuple[int, int, int]:
-        """(C, H, W)."""
-        return (len(self.response), *self.size)
+        """(R·C, H, W) of R buckets."""
+        return (self.buckets * len(self.response), *self.size)
 
     def colour(self) -> Tensor:
         """(C, L, H, W) filters over every pixel times the response of the sensor's channels."""
@@ -237,14 +259,17 @@ class SpectralDepthCamera(BandCamera):
         return self.period
 
     def tile(self) -> tuple[Tensor, Tensor]:
-        """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile."""
+        """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile; see ``codes_over``."""
         side = slice(0, self.tile_size)
         return self.codes_over(side, side)
 
     def codes_over(self, rows: slice, columns: slice) -> tuple[Tensor, Tensor]:
-        """(colour (C, L, h, w), shutter (K, h, w)) over some pixels."""
+        """(colour (C, L, h, w), shutter (K, h, w)) over some pixels; the shutter (R, K, h, w) of several buckets."""
         colour = self.response[:, :, None, None] * self.filters.part(rows, columns)
-        return colour, self.shutter.part(rows, columns)
+        return colour, self._collected(self.shutter.part(rows, columns))
+
+    def _collected(self, shutter: Tensor) -> Tensor:
+        return shutter if self.buckets == 1 else bucket_shutters(shutter, self.slots, self.buckets)
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
@@ -252,7 +277,7 @@ class SpectralDepthCamera(BandCamera):
         return psf
 
     def equivalent_psf(self, pixel: tuple[int, int], plane: int) -> Tensor:
-        """(C, L, h, w) what a point at a pixel and depth plane leaves on the sensor, eq. (35)."""
+        """(R·C, L, h, w) what a point at a pixel and depth plane leaves on the sensor, eq. (35)."""
         check_pixel(pixel, self.size)
         rows, columns = (
             slice(max(0, place - side), min(length, place + side + 1))
@@ -260,12 +285,14 @@ class SpectralDepthCamera(BandCamera):
         )
         colour, shutter = self.codes_over(rows, columns)
         place = (pixel[0] - rows.start, pixel[1] - columns.start)
-        return equivalent_psf(self.psf(), colour, shutter, place, plane, self.exposure)
+        shutters, psf = shutter if shutter.ndim == 4 else shutter[None], self.psf()
+        seen = [equivalent_psf(psf, colour, one, place, plane, self.exposure) for one in shutters]
+        return torch.cat(seen)
 
     def throughput(self) -> float:
         """Share of a white scene's light that is recorded, mean over channels."""
         with torch.no_grad():
-            open_share = self.shutter().mean(0)
+            open_share = bucket_shutters(self.shutter(), self.slots, self.buckets).sum(0).mean(0)
             passed = (self.filters.filters @ self.response.T / self.response.sum(1)).mean(1)
             light = 1.0 if self.point_spread.energy == "unit" else float(self.point_spread.arrived().mean())
             return float((self.filters.plane() * open_share).mean((1, 2)) @ passed) * light
@@ -283,7 +310,8 @@ class SpectralDepthCamera(BandCamera):
     def build_operator(self, depth: Tensor | None = None) -> LayeredOperator:
         """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``."""
         weights = self.planes.weights(_required(depth)).to(self.response)
-        return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), self.shutter(), self.exposure)
+        shown = self._collected(self.shutter())
+        return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), shown, self.exposure)
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -296,7 +324,7 @@ class SpectralDepthCamera(BandCamera):
         return exposed_in_tiles(self, scene, _required(depth), progress)
 
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
-        return ("channel", "y", "x")
+        return (*super().snapshot_axes(snapshots)[:-2], "channel", "y", "x")
 
     def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``heights`` (slot, y_mask, x_mask) in metres, ``shutter`` (slot, y_tile, x_tile), or (slot, y, x) where it
@@ -310,7 +338,7 @@ class SpectralDepthCamera(BandCamera):
         tile = TILE if self.shutter.period is not None else ("y", "x")
         parts: dict[str, Any] = {
             "heights": (("slot", "y_mask", "x_mask"), heights().numpy(force=True), shown),
-            "shutter": (("slot", *tile), compact(self.shutter.tile()), {"units": "1 = open"}),
+            "shutter": self._shutter_variable(tile),
             "filters": (("filter", "wavelength"), passed, {"long_name": "transmittance"}),
             "cells": (TILE, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
             "response": (("channel", "wavelength"), self.response.numpy(force=True), {"long_name": "response"}),
@@ -325,6 +353,12 @@ class SpectralDepthCamera(BandCamera):
                 parts[name] = (_FAMILIES[name][0], values.numpy(force=True), _FAMILIES[name][1])
             optics |= {} if heights.stroke is None else {"stroke": json.dumps(asdict(heights.stroke))}
         return parts, self._band_coordinates(), optics
+
+    def _shutter_variable(self, tile: Axes) -> tuple[Axes, np.ndarray, dict[str, str]]:
+        values, about = compact(self.shutter.tile()), {"units": "1 = open"}
+        if len(values) == self.slots:
+            return ("slot", *tile), values, about
+        return ("bucket", "slot", *tile), values.reshape(self.buckets, self.slots, *values.shape[1:]), about
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
@@ -353,7 +387,7 @@ def phase_settings(dataset: xr.Dataset, where: str, stated: PhaseAttributes) -> 
     """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
     family = [name for name in _FAMILIES if name in dataset]
     parts = tensors(dataset, where, "heights", "shutter", "cells", *family)
-    check_optics(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
+    check_stated(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
     return {
         **({} if stated.stroke is None else {"stroke": stated.stroke}),
         "bench": stated.bench,

@@ -14,6 +14,9 @@ from tmca.errors import TmcaError
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
 
+_MOMENT = 0.02
+"""Seconds until a command that was asked to stop in a destructor is asked again."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the ``tmca`` command; wrong input gives one line on standard error and exit code 2."""
@@ -25,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     warnings.showwarning = _lines_once()
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        _stop_when_asked()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     try:
         if _asks_for_help(tokens):
@@ -52,6 +55,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     except OSError as error:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+
+
+def _stop_when_asked() -> None:
+    """SIGTERM stops a command as Ctrl-C does; either comes again where it came in a destructor, which Python goes on
+    from."""
+    for number in (signal.SIGTERM, signal.SIGALRM):
+        signal.signal(number, signal.default_int_handler)
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _stop_again
+
+
+def _stop_again(passed_over: sys.UnraisableHookArgs) -> None:
+    if issubclass(passed_over.exc_type, KeyboardInterrupt):
+        signal.setitimer(signal.ITIMER_REAL, _MOMENT)  # not at once: this is still within the destructor
+    else:
+        sys.__unraisablehook__(passed_over)
 
 
 def _asks_for_help(tokens: list[str]) -> bool:

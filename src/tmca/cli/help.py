@@ -87,7 +87,8 @@ def print_help(app: App, tokens: Sequence[str]) -> None:
         app.help_print(words, console=console)
     app.help_formatter = None
     end = captured.get().strip()
-    texts = (page.text(console, *level) for level in _LEVELS)
+    shortened = any(panel.format != "command" for panel in page.panels)  # commands are always told
+    texts = (page.text(console, *level) for level in (_LEVELS if shortened else _LEVELS[:1]))
     for text in texts:
         if text.count("\n") + end.count("\n") + 3 <= _SCREEN:
             break

@@ -114,8 +114,8 @@ def _prior(decoder: str, kind: str, prior: Path | None, dictionary: Path | None)
 
 def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
     """Settings of a decoder from ``NAME=VALUE``."""
+    from tmca.arguments import checked_settings
     from tmca.decoders import decoders_for
-    from tmca.decoders.settings import checked_settings
 
     pairs = [text.partition("=") for text in texts]
     for name, equals, _ in pairs:

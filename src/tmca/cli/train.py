@@ -159,14 +159,15 @@ def _train(kind: str, options: RunOptions, beside: Mapping[str, Any], load: Any 
     from tmca.training import scene_reader, train
 
     settings, out = options.settings(kind, beside), options.out
+    pictures: list[Path] = []
 
     def run(read: Any, how: dict[str, Any]) -> Any:
-        return train(settings, out, read, **how)
+        return train(settings, out, read, finish=lambda: pictures.extend(training_pictures(out)), **how)
 
     trained = run_with_bar(f"train {out.name}", "training", load or scene_reader(settings), run, options.accelerator)
     if rank():
         return
-    pictures, best = training_pictures(out), trained.best
+    best = trained.best
     validated = best["step"] and isfinite(best["psnr"])
     merit = f", validation PSNR {best['psnr']:.2f} dB at step {best['step']}" if validated else ""
     merit += "" if validated else "; no scene was set aside to choose the best step: --validation names some"

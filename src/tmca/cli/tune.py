@@ -47,12 +47,14 @@ def run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
     """Fine-tune, draw how it went, and say what came out."""
     from tmca.tuning.pictures import tuning_pictures
 
+    pictures: list[Path] = []
+
     def run(read: Any, how: dict[str, Any]) -> Any:
-        return prepared.run(out, read, **how)
+        return prepared.run(out, read, finish=lambda: pictures.extend(tuning_pictures(prepared, out)), **how)
 
     tuned = run_with_bar(f"tune {out.name}", "fine-tuning", prepared.read, run, accelerator)
     if not rank():
-        report = _report(prepared, out, tuned, tuning_pictures(prepared, out))
+        report = _report(prepared, out, tuned, pictures)
         say(report, json, *_lines(report))
 
 

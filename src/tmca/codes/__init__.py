@@ -1,12 +1,14 @@
 """What the aperture and the shutter show in each time slot."""
 
+from tmca.codes.buckets import BURST, bucket_shutters
 from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.patterns import FAMILIES, balanced_choice, blue_noise_ranks, one_hot_planes, pattern
-from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots
+from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots, shutter_plane
 
 __all__ = [
+    "BURST",
     "FAMILIES",
     "CodePlane",
     "Codes",
@@ -15,6 +17,7 @@ __all__ = [
     "Outside",
     "balanced_choice",
     "blue_noise_ranks",
+    "bucket_shutters",
     "check_shares",
     "fitted_codes",
     "hard_threshold",
@@ -24,6 +27,7 @@ __all__ = [
     "one_hot_slots",
     "pattern",
     "read_codes",
+    "shutter_plane",
     "slot_overlap",
     "through_time",
     "write_codes",

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
-from pydantic import Field, Json
+from pydantic import AfterValidator, Field, Json
 from torch import Tensor
 
 from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.errors import DataError, SettingError
+from tmca.stored_numbers import finite_numbers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,21 +22,38 @@ if TYPE_CHECKING:
 Axes = Sequence[str]
 TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
-_Side = Annotated[int, Field(ge=1)]
+MOST_PIXELS = 2**24
+"""Pixels of the frame over which codes of a file repeat: the file itself holds one tile of them."""
+_Side = Annotated[int, Field(ge=1, le=2**16)]
+
+
+def _few_enough(size: tuple[int, int]) -> tuple[int, int]:
+    if size[0] * size[1] > MOST_PIXELS:
+        raise ValueError(f"at most {MOST_PIXELS} pixels")
+    return size
+
+
+Frame = Annotated[tuple[_Side, _Side], AfterValidator(_few_enough)]
+"""Rows and columns of a frame or of a tile, as a file states them."""
 
 
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
     """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
     return {
-        name: (("slot", *axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
+        name: (_slotted(axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
         for name, axes, plane in zip(("aperture", "shutter"), (aperture, shutter), planes, strict=True)
     }
+
+
+def _slotted(axes: Axes) -> Axes:
+    """Axes of patterns slot by slot; of a sensor with several buckets, bucket by bucket first."""
+    return ("bucket", "slot", *axes[1:]) if axes[0] == "bucket" else ("slot", *axes)
 
 
 def compact(codes: Tensor) -> np.ndarray:
     """Binary codes as bytes, grey ones as they are."""
     values = codes.numpy(force=True)
-    return values.astype(np.uint8) if np.isin(values, (0, 1)).all() else values
+    return values.astype(np.uint8) if ((values == 0) | (values == 1)).all() else values
 
 
 def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
@@ -44,17 +62,8 @@ def tensors(dataset: xr.Dataset, where: str, *names: str) -> dict[str, Tensor]:
     Raises:
         DataError: one of no real numbers, or with some that are not finite in single precision.
     """
-    return {name: _tensor(dataset[name].values, where, name) for name in names}
-
-
-def _tensor(stored: np.ndarray, where: str, name: str) -> Tensor:
-    if stored.dtype.kind not in "buif":
-        raise DataError(where, f"variable {name} of type {stored.dtype}", "real numbers", REMEDY)
-    with np.errstate(over="ignore"):
-        values = torch.from_numpy(np.array(stored, dtype=np.float32))
-    if not bool(torch.isfinite(values).all()):
-        raise DataError(where, f"variable {name} with values that are not finite", "finite numbers", REMEDY)
-    return values
+    read = {name: finite_numbers(dataset[name].values, where, f"variable {name}") for name in names}
+    return {name: torch.from_numpy(values) for name, values in read.items()}
 
 
 def differing(one: xr.Dataset, other: xr.Dataset) -> list[str]:
@@ -67,7 +76,9 @@ def _alike(one: xr.DataArray, other: xr.DataArray) -> bool:
 
 
 class CodesAttributes(Attributes):
-    """Of a codes file: rows and columns of the period, one number for both, or none."""
+    """Of a codes file: rows and columns of the period, one number for both, or none; buckets of a sensor pixel."""
+
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
 
     period: tuple[_Side, _Side] | _Side | Json[tuple[_Side, _Side] | tuple[()] | None] | None = None
 
@@ -78,18 +89,21 @@ class CodesFile:
 
     Args:
         aperture: (K, h, w) of zeros and ones, one period or the full frame.
-        shutter: (K, h, w') likewise.
+        shutter: (K, h, w') likewise; (R, K, h, w') of all R buckets.
         period: (rows, columns) in which both repeat; None for full-frame codes.
+        buckets: R of a sensor pixel.
     """
 
     aperture: Tensor
     shutter: Tensor
     period: tuple[int, int] | None
+    buckets: int = 1
 
     def settings(self) -> dict[str, Any]:
         """Arguments of a camera with these codes."""
         tile = self.period[0] if self.period is not None and len(set(self.period)) == 1 else self.period
-        return {"aperture": self.aperture, "shutter": self.shutter, "slots": len(self.aperture), "period": tile}
+        shown = {"aperture": self.aperture, "shutter": self.shutter, "slots": len(self.aperture), "period": tile}
+        return shown | ({"buckets": self.buckets} if self.buckets > 1 else {})
 
 
 def write_codes(
@@ -99,9 +113,10 @@ def write_codes(
     period: tuple[int, int] | None,
     notes: Mapping[str, Any] | None = None,
     *,
+    buckets: int = 1,
     overwrite: bool = False,
 ) -> Path:
-    """Write patterns (K, h, w) of both planes as NetCDF with labels.
+    """Write patterns (K, h, w) of both planes as NetCDF with labels; those of R buckets as (R·K, h, w').
 
     Raises:
         SettingError: patterns that are not zeros and ones.
@@ -111,11 +126,14 @@ def write_codes(
 
     from tmca.data import write_dataset
 
-    planes = code_variables((aperture, shutter), ("y", "x"), ("y", "x_sensor"))
+    axes: Axes = ("y", "x_sensor")
+    if len(shutter) > len(aperture):
+        axes, shutter = ("bucket", *axes), shutter.unflatten(0, (buckets, -1))
+    planes = code_variables((aperture, shutter), ("y", "x"), axes)
     for name, (_, values, _) in planes.items():
         if values.dtype != np.uint8:
             raise SettingError(name, "grey values", "zeros and ones in a file of codes")
-    attributes = {**(notes or {}), "period": list(period or ())}
+    attributes = {**(notes or {}), "period": list(period or ()), **({"buckets": buckets} if buckets > 1 else {})}
     return write_dataset(xr.Dataset(planes, attrs=attributes), path, overwrite=overwrite)
 
 
@@ -129,11 +147,13 @@ def read_codes(path: str | Path) -> CodesFile:
 
     stored = read_dataset(path, ("aperture", "shutter"))
     aperture, shutter = tensors(stored, str(path), "aperture", "shutter").values()
-    if aperture.ndim != 3 or shutter.ndim != 3 or not 0 < len(aperture) == len(shutter):
+    about = attributes_of(CodesAttributes, stored.attrs, path)
+    slots = shutter.shape[-3:-2] if shutter.ndim == 3 or tuple(shutter.shape[:1]) == (about.buckets,) else ()
+    if aperture.ndim != 3 or shutter.ndim > 4 or slots != aperture.shape[:1] or not len(aperture):
         text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
         raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
     for name, plane in (("aperture", aperture), ("shutter", shutter)):
         if not bool(((plane >= 0) & (plane <= 1)).all()):
             raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)
-    period = attributes_of(CodesAttributes, stored.attrs, path).period
-    return CodesFile(aperture, shutter, (period, period) if isinstance(period, int) else period or None)
+    period = (about.period, about.period) if isinstance(about.period, int) else about.period or None
+    return CodesFile(aperture, shutter, period, about.buckets)

@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from tmca.arguments import Count, Float, Seed, Share, checked
 from tmca.arguments import Size as Sides
 from tmca.codes.arrays import Array
+from tmca.codes.buckets import check_patterns, plane_patterns
 from tmca.codes.plane import CodePlane
 from tmca.errors import SettingError, ShapeError
 
@@ -24,12 +25,13 @@ class Codes:
 
     Args:
         aperture: family of the aperture codes (``tmca.codes.FAMILIES``) or patterns (K, H, Wa).
-        shutter: family of the shutter codes or patterns (K, H, W').
+        shutter: family of the shutter codes or patterns (K, H, W'), with two buckets those of the first; or patterns
+            (R, K, H, W') of all buckets, or ``"burst"``: R frames one after the other, all pixels alike.
         transmittance: share of open aperture pixels of a named family.
         duty: share of open shutter pixels of a named family.
         period: tile of both planes, pixels; full frame if None.
         seed: same seed, same codes; aperture and shutter draw from different streams.
-        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``.
+        learnable: ``True``, ``False``, ``"aperture"`` or ``"shutter"``; patterns of all buckets are never learned.
         jitter: of the logits' distances from their threshold, see ``CodePlane``.
 
     Raises:
@@ -45,8 +47,8 @@ class Codes:
     learnable: bool | str = False
     jitter: Float = 0.0
 
-    def planes(self, slots: int, aperture: Size, shutter: Size) -> MultiplexedCodes:
-        """The codes of K slots on an aperture (H, Wa) and a sensor (H, W').
+    def planes(self, slots: int, aperture: Size, shutter: Size, buckets: int = 1) -> MultiplexedCodes:
+        """The codes of K slots on an aperture (H, Wa) and a sensor (H, W') of pixels with R buckets.
 
         Raises:
             SettingError, ShapeError: another ``learnable``, or what ``CodePlane`` refuses.
@@ -54,14 +56,16 @@ class Codes:
         if self.learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
         how: dict[str, Any] = {"period": self.period, "jitter": self.jitter}
+        tile = (self.period, self.period) if isinstance(self.period, int) else self.period or shutter
+        collected, count = plane_patterns(self.shutter, slots, buckets, tile)
         planes = (
             CodePlane(
                 self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,
                 learnable=self.learnable in (True, "aperture"), name="aperture", **how,
             ),
             CodePlane(
-                self.shutter, slots, shutter, density=self.duty, seed=2 * self.seed + 1,
-                learnable=self.learnable in (True, "shutter"), name="shutter", **how,
+                collected, count, shutter, density=self.duty, seed=2 * self.seed + 1,
+                learnable=self.learnable in (True, "shutter") and count == slots, name="shutter", **how,
             ),
         )  # fmt: skip
         return MultiplexedCodes(*planes)
@@ -72,7 +76,7 @@ class MultiplexedCodes(nn.Module):
 
     Args:
         aperture: (K, H, Wa).
-        shutter: (K, H, W').
+        shutter: (K, H, W'), or (R·K, H, W') of R buckets after each other.
     """
 
     if TYPE_CHECKING:
@@ -115,7 +119,7 @@ class MultiplexedCodes(nn.Module):
 
 
 def fitted_codes(
-    codes: Codes | nn.Module | None, slots: int, aperture: Size, shutter: Size, /, **changes: Any
+    codes: Codes | nn.Module | None, slots: int, aperture: Size, shutter: Size, buckets: int = 1, /, **changes: Any
 ) -> nn.Module:
     """The codes of a camera: a module as it is, where it fits, or what a description says.
 
@@ -123,6 +127,7 @@ def fitted_codes(
         codes: a module that gives (aperture, shutter), a description, or None for the default one.
         slots: K.
         aperture, shutter: (H, W) of the planes.
+        buckets: R of a pixel.
         changes: parts of the description that are replaced.
 
     Raises:
@@ -133,7 +138,7 @@ def fitted_codes(
         unknown = sorted(set(changes) - set(Codes.__dataclass_fields__))
         if unknown:
             raise SettingError(unknown[0], repr(changes[unknown[0]]), f"one of {', '.join(Codes.__dataclass_fields__)}")
-        return replace(codes or Codes(), **changes).planes(slots, aperture, shutter)
+        return replace(codes or Codes(), **changes).planes(slots, aperture, shutter, buckets)
     if changes:
         name, value = next(iter(changes.items()))
         raise SettingError(name, repr(value), "none beside codes", "leave it out, or leave codes out")
@@ -142,6 +147,7 @@ def fitted_codes(
         return codes
     if codes.slots != slots:
         raise ShapeError("codes", f"{codes.slots} slots", f"{slots}", "give slots too, or other codes")
+    check_patterns(codes.shutter.slots, buckets, slots)
     sizes = (codes.aperture, aperture), (codes.shutter, shutter)
     if all(plane.size == size for plane, size in sizes):
         return codes

@@ -68,6 +68,13 @@ def s_matrix_pattern(slots: int, size: tuple[int, int], density: float, seed: in
     return matrix[:slots, torch.randint(order - 1, size, generator=generator)].contiguous()
 
 
+def balanced_pattern(slots: int, size: tuple[int, int], density: float, seed: int) -> Tensor:
+    """(slots, H, W) each pixel open in the same number of slots, ``density`` of them, drawn evenly."""
+    generator = torch.Generator().manual_seed(seed)
+    ranks = torch.rand(slots, *size, generator=generator).argsort(0).argsort(0)
+    return (ranks < round(density * slots)).float()
+
+
 FAMILIES: dict[str, Callable[[int, tuple[int, int], float, int], Tensor]] = {
     "random": random_pattern,
     "static": static_pattern,
@@ -76,6 +83,7 @@ FAMILIES: dict[str, Callable[[int, tuple[int, int], float, int], Tensor]] = {
     "complementary": complementary_pattern,
     "blue-noise": blue_noise_pattern,
     "s-matrix": s_matrix_pattern,
+    "balanced": balanced_pattern,
 }
 
 

@@ -12,7 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from tmca.codes.patterns import FAMILIES, pattern
+from tmca.codes.buckets import check_patterns, plane_patterns
+from tmca.codes.patterns import FAMILIES, balanced_choice, one_hot_planes, pattern
 from tmca.errors import SettingError, ShapeError, check_choice, check_range
 
 _MARGIN = 0.5
@@ -199,6 +200,37 @@ class CodePlane(nn.Module):
     def extra_repr(self) -> str:
         """Shown by ``print``."""
         return f"{self.name}: {self.family}, slots={self.slots}, size={self.size}, period={self.period}"
+
+
+def shutter_plane(
+    shutter: str | Tensor | nn.Module,
+    slots: int,
+    buckets: int,
+    size: tuple[int, int],
+    period: int,
+    seed: int,
+    learnable: bool,
+) -> CodePlane:
+    """K shutter patterns on a sensor (H, W), or R·K of R buckets, tiled unless they are given for all of it.
+
+    A one-hot shutter that is drawn opens as many pixels of a tile in every slot.
+
+    Raises:
+        SettingError: more slots than a tile has pixels, or patterns of other buckets.
+    """
+    if isinstance(shutter, nn.Module):
+        plane = shutter.resized(size) if isinstance(shutter, CodePlane) else shutter
+        check_patterns(getattr(plane, "slots", slots), buckets, slots)
+        return plane  # type: ignore[return-value]
+    shutter, count = plane_patterns(shutter, slots, buckets, (period, period))
+    tile, own_seed = None if isinstance(shutter, Tensor) and tuple(shutter.shape[1:]) == size else period, 2 * seed + 1
+    plane = CodePlane(shutter, count, size, period=tile, seed=own_seed, learnable=learnable, name="shutter")
+    if isinstance(shutter, str) and shutter == "one-hot":
+        if slots > period**2:
+            expected = f"at most {period**2}, the pixels of its period"
+            raise SettingError("slots", f"{slots} with a one-hot shutter", expected, "take a longer period")
+        plane.show(one_hot_planes(balanced_choice(slots, (period, period), own_seed), slots))
+    return plane
 
 
 def _tile(period: int | tuple[int, int] | None) -> tuple[int, int] | None:

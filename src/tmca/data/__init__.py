@@ -16,7 +16,7 @@ from tmca.data.files import (
     write_tiff,
 )
 from tmca.data.fitting import at_bands, fitted_depth, nearest_bands, select_bands
-from tmca.data.folders import check_folder, make_folder, sole_process
+from tmca.data.folders import check_folder, held_folder, make_folder
 from tmca.data.formats.opening import read_array
 from tmca.data.formats.stored import Contents, Stored, from_array, reads
 from tmca.data.formats.wavelengths import KNOWN_SETS, KnownSet, metres_to_nm, nm_to_metres
@@ -57,6 +57,7 @@ __all__ = [
     "find_disparity",
     "fitted_depth",
     "from_array",
+    "held_folder",
     "holds_rgbd",
     "identity_of",
     "label",
@@ -89,7 +90,6 @@ __all__ = [
     "rendered_scene",
     "rgbd_sources",
     "select_bands",
-    "sole_process",
     "spectral_from_rgb",
     "split_rendered",
     "split_rendered_light_fields",

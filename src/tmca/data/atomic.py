@@ -82,7 +82,7 @@ def check_target(path: str | Path, overwrite: bool = False) -> None:
 @contextmanager
 def _workshop(path: Path) -> Iterator[Path]:
     """A folder of this process beside ``path``, gone when the block ends; those of dead processes are swept first."""
-    _sweep(path.parent)
+    sweep(path.parent)
     handle: TextIO | None = None
     while handle is None:
         folder = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
@@ -104,7 +104,7 @@ def _workshop(path: Path) -> Iterator[Path]:
             handle.close()
 
 
-def _sweep(folder: Path) -> None:
+def sweep(folder: Path) -> None:
     """Delete what killed processes left half-written; an old folder that one had set aside comes back first."""
     for left in [folder / name for name in os.listdir(folder) if _LEFT.fullmatch(name)]:
         with suppress(OSError):

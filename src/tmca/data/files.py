@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tmca.arguments import checked
 from tmca.data.atomic import atomic_path
-from tmca.data.formats.arrays import LABELLED, open_labelled
+from tmca.data.formats.arrays import LABELLED, open_groups, open_labelled
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
@@ -165,9 +165,25 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         if missing:
             there = ", ".join(str(name) for name in dataset.variables) or "none"
             raise DataError(path, f"no variable {', '.join(missing)}", f"it beside those there ({there})")
-        check_bytes(path, "all its variables", sum(variable.nbytes for variable in dataset.variables.values()))
-        with whole_file(path, LABELLED, "write it again"):
-            return dataset.load()
+        return _loaded(path, dataset, LABELLED)
+
+
+def read_groups(path: str | Path, kind: str) -> dict[str, xarray.Dataset]:
+    """The groups of a NetCDF file by their names, each loaded whole, the file closed again.
+
+    Raises:
+        DataError: missing, not such a file, or cut short.
+    """
+    path = Path(path)
+    with open_groups(path, kind) as groups:
+        return {name: _loaded(path, group, kind) for name, group in groups.items()}
+
+
+def _loaded(path: Path, dataset: xarray.Dataset, kind: str) -> xarray.Dataset:
+    """The same with its values, if they may be loaded."""
+    check_bytes(path, "all its variables", sum(variable.nbytes for variable in dataset.variables.values()))
+    with whole_file(path, kind, "write it again"):
+        return dataset.load()
 
 
 _LIMIT = 2**32 - 2**20

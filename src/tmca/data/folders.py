@@ -52,14 +52,32 @@ def check_folder(path: str | Path) -> None:
 
 
 @contextmanager
-def sole_process(folder: Path, work: str = "a run") -> Iterator[None]:
-    """Keep other processes out of a folder that exists; on a disk without locks nobody is kept out.
+def held_folder(path: str | Path, work: str = "a run") -> Iterator[Path]:
+    """The folder, made with its parents where it does not exist, out of which other processes are kept meanwhile.
+
+    What was made of it is gone again if nothing came into it.
 
     Raises:
-        OutputError: another process works in it, or it cannot be written to.
+        OutputError: another process works in it, or it cannot be made or written to.
     """
+    folder = Path(path)
+    new_folders = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        with _sole_process(make_folder(folder), work):
+            yield folder
+    finally:
+        for place in new_folders:
+            with suppress(OSError):  # something is in it
+                place.rmdir()
+
+
+@contextmanager
+def _sole_process(folder: Path, work: str) -> Iterator[None]:
+    """Keep other processes out of a folder that exists; on a disk without locks nobody is kept out."""
     try:
         handle = lock(folder / LOCK)
+    except FileNotFoundError:  # the process that made the folder ended in this moment, and took it away
+        handle = None
     except NoLocks:
         yield
         return

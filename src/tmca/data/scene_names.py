@@ -10,12 +10,12 @@ from typing import Any
 from warnings import warn
 
 from tmca.data.files import write_text
-from tmca.data.formats.limits import read_text
 from tmca.data.formats.opening import open_contents
 from tmca.data.in_memory import SceneWarning as SceneWarning
 from tmca.data.rendering import is_rendered
 from tmca.data.rgbd import rgbd_sources
 from tmca.errors import DataError, SettingError
+from tmca.text_files import read_text
 
 READING = "scene_reading"
 """Attribute of scenes, snapshots and estimates: how the scene was read, as JSON."""
@@ -124,7 +124,7 @@ def parse_sums(path: str | Path) -> dict[str, str | None]:
         DataError: unreadable, a path twice, absolute, or leading out of the root.
     """
     path = Path(path)
-    lines = read_text(path, "text file with one path per line").splitlines()
+    lines = read_text(path, "a text file with one path per line").splitlines()
     entries: dict[str, str | None] = {}
     for line in (line.strip() for line in lines):
         if not line or line.startswith("#"):

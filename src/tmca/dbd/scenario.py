@@ -19,20 +19,31 @@ from typing import Any, ClassVar
 import numpy as np
 
 from tmca.dbd.model import LIGHT_M_S, Complex, Problem, Real, Source, Truth, Units
-from tmca.dbd.simulation import MOST_FREQUENCIES, MOST_NUMBERS, carriers, message_source, noisy, overlaid, unit_vector
-from tmca.errors import DataError, SettingError, TmcaError, check_range
+from tmca.dbd.simulation import (
+    MESSAGES,
+    MOST_FREQUENCIES,
+    MOST_NUMBERS,
+    carriers,
+    message_source,
+    noisy,
+    overlaid,
+    unit_vector,
+)
+from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
+_MOST = 1e30
+"""No quantity of a scene is larger, in whatever unit; powers of larger ones would be infinite."""
 
 
 class Way(ABC):
     """What delays, shifts and scales a signal on its way to the receiver.
 
     Raises:
-        SettingError: a number that is not finite.
+        SettingError: a number that is not finite, or absurdly large.
     """
 
     velocity_m_s: float
@@ -44,8 +55,9 @@ class Way(ABC):
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not np.isfinite(value):
-                raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", "a finite number")
+            if not abs(value) <= _MOST:
+                wanted = f"a number of at most {_MOST:g}"
+                raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", wanted)
 
     @property
     @abstractmethod
@@ -156,7 +168,8 @@ class Scenario:
             check_range(name, getattr(self, name), 1, whole=True)
         check_range("seed", self.seed, 0, whole=True)
         for name in ("bandwidth_hz", "useful_s", "carrier_hz", "spacing"):
-            check_range(name, getattr(self, name), above=0)
+            check_range(name, getattr(self, name), high=_MOST, above=0)
+        check_choice("messages", self.messages, MESSAGES)
         check_range("prefix_s", self.prefix_s, 0, unit="s")
         check_range("pulse_s", self.duration_s, above=0, unit="s")
         if self.snr_db is not None:
@@ -169,12 +182,11 @@ class Scenario:
         """Samples and bases fit in memory, before anything is made of them."""
         frequencies = self.bandwidth_hz * self.useful_s
         remedy = "take a smaller bandwidth or a shorter interval"
-        check_range(
-            "bandwidth_hz times useful_s", frequencies, high=MOST_FREQUENCIES, unit="frequencies", remedy=remedy
-        )
-        check_range(
-            "samples of the bases", self.bases, high=MOST_NUMBERS, remedy="take fewer pulses, antennas or unknowns"
-        )
+        most: dict[str, Any] = {"high": MOST_FREQUENCIES, "unit": "frequencies", "remedy": remedy}
+        check_range("bandwidth_hz times useful_s", frequencies, **most)
+        check_range("subspace", self.subspace, 1, self.frequencies, remedy="take fewer unknowns than frequencies")
+        remedy = "take fewer pulses, antennas or unknowns"
+        check_range("samples of the bases", self.bases, high=MOST_NUMBERS, remedy=remedy)
 
     @property
     def bases(self) -> float:

@@ -1,9 +1,11 @@
 """From a snapshot and its codes back to the scene."""
 
+from tmca.arguments import settings_of
 from tmca.decoders import adapted, kriging, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
 from tmca.decoders.decoder import (
     Decoder,
+    Estimate,
     Prepared,
     Raw,
     decode,
@@ -13,7 +15,6 @@ from tmca.decoders.decoder import (
     usual_decoder,
 )
 from tmca.decoders.dictionary import DictionaryEstimator
-from tmca.decoders.estimate import Estimate
 from tmca.decoders.least_squares import Result, tikhonov
 from tmca.decoders.likelihood import PatchLikelihood
 from tmca.decoders.lmmse import LMMSE, PatchEstimator
@@ -22,8 +23,6 @@ from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.tiles import first_estimate
 from tmca.decoders.nets.weights import OtherCodes, Weights
 from tmca.decoders.pnp import (
-    chambolle_denoiser,
-    module_denoiser,
     nl_means_denoiser,
     per_band,
     pnp_admm,
@@ -31,7 +30,6 @@ from tmca.decoders.pnp import (
     tv_denoiser,
 )
 from tmca.decoders.registry import DECODERS
-from tmca.decoders.settings import settings_of
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox
@@ -54,7 +52,6 @@ __all__ = [
     "admm_tv",
     "batch_omp",
     "build_network",
-    "chambolle_denoiser",
     "decode",
     "decode_light_field",
     "decoders",
@@ -65,7 +62,6 @@ __all__ = [
     "frame_operator",
     "lasso_admm",
     "make_decoder",
-    "module_denoiser",
     "nl_means_denoiser",
     "per_band",
     "pnp_admm",

@@ -13,10 +13,10 @@ from torch import Tensor
 from tmca.decoders.decoder import Decoder, Progress
 from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
-from tmca.decoders.windows import RowBuffer
 from tmca.errors import SettingError, check_choice, check_range, check_shape
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
+from tmca.operators.windows import RowBuffer
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 
@@ -92,7 +92,7 @@ class DictionaryEstimator:
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W)."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
-        values = self.grid.pad_snapshot(snapshot[:, 0].to(self.atoms.dtype))
+        values = self.grid.pad_snapshot(snapshot.to(self.atoms.dtype))
         patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
         for row, top in enumerate(self.grid.tops):
             image.append(patches.add(self._row(values, [(top, left) for left in self.grid.lefts])))
@@ -116,8 +116,9 @@ class DictionaryEstimator:
 
     def _weighed(self, windows: Tensor, measured: Tensor) -> tuple[Tensor, Tensor]:
         """(G, m, 1 + K) atoms behind code windows (G, L, h, w) and measurements (G, P, m), by their deviation."""
-        seen = self.grid.model.cross_covariance(windows, self.rows).transpose(0, 1)
-        energy = windows.square().sum(1).flatten(1)
+        code = self.grid.model.complete(windows)
+        seen = self.grid.model.cross_covariance(code, self.rows).transpose(0, 1)
+        energy = code.square().sum(1).flatten(1)
         noise = self.noise.variance(measured.clamp_min(0).mean(1))
         weights = (noise + self.left * energy + _FLOOR**2).rsqrt()
         return seen * weights[..., None], measured * weights[:, None]

@@ -18,12 +18,12 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
-from tmca.decoders.windows import RowBlend, RowMean, WindowRows
 from tmca.errors import SettingError, check_range, check_shape
+from tmca.operators.window_moments import CONTAMINATION, WINDOW, snapshot_moments
+from tmca.operators.windows import RowBlend, RowMean, WindowRows
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior, block_of, find_prior
 from tmca.priors.gaussian import NOISE_FLOOR
-from tmca.priors.spectral_depth import CONTAMINATION, WINDOW, snapshot_moments
 
 GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""

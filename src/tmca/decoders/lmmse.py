@@ -168,7 +168,7 @@ class Blend:
         first, last = grid.model.valid
         parts = (window, window[..., first:last].contiguous() if uncertainty else None, window if scatter else None)
         self.canvases = [None if part is None else Canvas(grid, len(snapshot), part) for part in parts]
-        self.snapshot = grid.pad_snapshot(snapshot[:, 0].to(window.dtype))
+        self.snapshot = grid.pad_snapshot(snapshot.to(window.dtype))
 
     def lay(
         self, solver: Solver, groups: list[Places] | None = None, progress: Callable[[float], None] | None = None

@@ -1,6 +1,7 @@
 """Plug-and-play ADMM: any denoiser as the prior of the scene (Venkatakrishnan, Bouman and Wohlberg 2013).
 
-Denoisers: total variation, scikit-image's, any torch module, in a spectral subspace. Spectra of a scene lie close to a
+Denoisers: total variation, scikit-image's non-local means, any function of a cube and a noise level (such as a torch
+module called with both), in a spectral subspace. Spectra of a scene lie close to a
 subspace of few dimensions: `subspace_denoiser` projects a cube onto the leading eigenvectors of its own second moments
 and denoises every component picture by itself; the other dimensions are taken for noise (Zhuang and Bioucas-Dias, IEEE
 JSTARS 11, 730 (2018), FastHyDe).
@@ -11,12 +12,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor, nn
+from torch import Tensor
 
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.least_squares import (
@@ -30,7 +31,7 @@ from tmca.decoders.least_squares import (
     of_iterations,
 )
 from tmca.decoders.tv import norm, tv_prox
-from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.errors import SettingError, check_range, check_shape
 from tmca.operators.linear import LinearOperator
 
 Denoiser = Callable[[Tensor, float], Tensor]
@@ -67,16 +68,6 @@ def per_band(denoise_image: ImageDenoiser) -> Denoiser:
     return denoise
 
 
-def chambolle_denoiser(strength: float = 1.0, *, max_iterations: int = 100) -> Denoiser:
-    """scikit-image's ``denoise_tv_chambolle`` on every band, with weight = strength · sigma."""
-    from skimage.restoration import denoise_tv_chambolle
-
-    check_range("strength", strength, above=0)
-    return per_band(
-        lambda band, sigma: denoise_tv_chambolle(band, weight=strength * sigma, max_num_iter=max_iterations)
-    )
-
-
 def nl_means_denoiser(strength: float = 0.8, *, patch_size: int = 5, patch_distance: int = 6) -> Denoiser:
     """scikit-image's ``denoise_nl_means`` on every band, with the cut-off h = strength · sigma."""
     from skimage.restoration import denoise_nl_means
@@ -87,26 +78,6 @@ def nl_means_denoiser(strength: float = 0.8, *, patch_size: int = 5, patch_dista
         return denoise_nl_means(band, patch_size, patch_distance, h=strength * sigma, sigma=sigma, fast_mode=True)
 
     return per_band(denoise_image)
-
-
-def module_denoiser(module: nn.Module, sigma_as: Literal["argument", "map", "none"] = "argument") -> Denoiser:
-    """A torch module as a denoiser.
-
-    Args:
-        module: maps cubes to cubes; the caller puts it in evaluation mode and on the right device.
-        sigma_as: "argument" calls ``module(cube, sigma)``; "map" appends a constant band of value sigma and
-            calls ``module`` on (B, L + 1, H, W); "none" calls ``module(cube)``, for a network trained blind.
-    """
-    check_choice("sigma_as", sigma_as, ("argument", "map", "none"))
-
-    def denoise(cube: Tensor, sigma: float) -> Tensor:
-        if sigma_as == "argument":
-            return module(cube, sigma)
-        if sigma_as == "map":
-            return module(torch.cat((cube, torch.full_like(cube[:, :1], sigma)), 1))
-        return module(cube)
-
-    return denoise
 
 
 def subspace(cube: Tensor, rank: int) -> Tensor:

@@ -180,6 +180,8 @@ def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
     """
     aperture, shutter = camera.codes()
     slots = len(aperture)
+    if camera.buckets > 1:
+        raise SettingError("buckets", str(camera.buckets), "1, for a scene that moves", "decode it as a still one")
     if frames < 1 or slots % frames:
         raise SettingError("frames", str(frames), f"a divisor of the {slots} slots")
     if bool((aperture != aperture[:1]).any()):

@@ -211,7 +211,9 @@ def advise(
 
 
 def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:
-    """Designs that free codes of so many slots contain: the best one of fewer slots, and those of as many."""
+    """Designs that free codes of so many slots contain: the best one of fewer slots, and those of as many, all of one
+    bucket."""
+    candidates = [c for c in candidates if c.design.camera.buckets == 1]
     fewer = [c for c in candidates if c.design.slots < slots and slots % c.design.slots == 0]
     return [min(fewer, key=lambda c: c.design.mse), *(c for c in candidates if c.design.slots == slots)]
 

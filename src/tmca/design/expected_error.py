@@ -77,6 +77,14 @@ class BlockMse:
         Noise(read_noise, shot)  # refuses a negative one
         return replace(self, read_noise=read_noise, shot=shot)
 
+    def for_buckets(self, buckets: int) -> BlockMse:
+        """The same, of a model of one bucket, before a sensor with several: each of them sees the same pixels."""
+        if buckets == self.model.buckets:
+            return self
+        forms = {name: getattr(self, name).repeat(buckets, 1, buckets, 1) for name in ("covariance", "reach")}
+        model, mean = self.model.for_buckets(buckets), self.mean.repeat(buckets, 1)
+        return replace(self, model=model, mean=mean, **forms)
+
     def __call__(self, windows: Tensor) -> Tensor:
         """(P,) mean squared errors of blocks under code windows (P, taps, h, w), in squared irradiance; differentiable.
 
@@ -207,6 +215,10 @@ class MixtureMse:
         """Geometry of the blocks."""
         return self.parts[0].model
 
+    def for_buckets(self, buckets: int) -> MixtureMse:
+        """See ``BlockMse``."""
+        return replace(self, parts=tuple(part.for_buckets(buckets) for part in self.parts))
+
     def __call__(self, windows: Tensor) -> Tensor:
         """(P,) mean squared errors, as of ``BlockMse``."""
         return torch.stack([w * part(windows) for w, part in zip(self.weights, self.parts, strict=True)]).sum(0)
@@ -229,7 +241,7 @@ def design_model(taps: Taps, rows: int = _ROWS) -> BlockModel:
     for height in range(rows, 0, -1):
         for width in (_JUDGED, _JUDGED // 2, 6):
             model = BlockModel.of(taps, (taps.scene_channels, height, 2 * span + width))
-            if model.measurements * len(taps.offsets) <= _MOST_ENTRIES:
+            if model.measurements * len(model.offsets) <= _MOST_ENTRIES:
                 return model
     text, remedy = f"{len(taps.offsets)} taps over {span} pixels", "design with fewer bands or a smaller dispersion"
     raise SettingError("bands", text, "blocks of 1.3 GB at most", remedy)
@@ -289,8 +301,12 @@ class TileMse:
             total = total + self.error(windows(code, self.error.model.block, places[start : start + self.most])).sum()
         return total / len(places)
 
+    def for_buckets(self, buckets: int) -> TileMse:
+        """See ``BlockMse``."""
+        return replace(self, error=self.error.for_buckets(buckets))
+
     @torch.no_grad()
     def whole(self, camera: CodedCamera, shifts: int = 4) -> float:
         """The error of a camera of one period, mean over shifts of the blocks that share it out evenly."""
-        code = camera.taps().code
-        return float(torch.stack([self(code, shift) for shift in _even_shifts(self.error.model, shifts)]).mean())
+        code, tile = camera.taps().code, self.for_buckets(camera.buckets)
+        return float(torch.stack([tile(code, shift) for shift in _even_shifts(self.error.model, shifts)]).mean())

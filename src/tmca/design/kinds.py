@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from tmca.cameras import CodedCamera, SpectralCamera
 from tmca.errors import SettingError, check_choice
 
-KINDS: dict[str, dict[str, str]] = {
+KINDS: dict[str, dict[str, Any]] = {
     "static": {"aperture": "random", "shutter": "open"},
     "free": {"aperture": "random", "shutter": "random"},
     "one-hot": {"aperture": "random", "shutter": "one-hot"},
@@ -20,9 +20,12 @@ KINDS: dict[str, dict[str, str]] = {
     "complementary": {"aperture": "complementary", "shutter": "random"},
     "blue-noise": {"aperture": "blue-noise", "shutter": "blue-noise"},
     "s-matrix": {"aperture": "random", "shutter": "s-matrix"},
+    "two-bucket": {"aperture": "random", "shutter": "balanced", "buckets": 2},
+    "burst": {"aperture": "random", "shutter": "burst", "buckets": 2},
 }
-"""Structure of codes by name: what the optimiser starts from and, where planes are no random, blue-noise or S-matrix
-ones, keeps."""
+"""Structure of codes by name: what the optimiser starts from and, where planes are no random, balanced, blue-noise or
+S-matrix ones, keeps. ``"two-bucket"`` needs pixels with two buckets; ``"burst"`` is two frames one after the other,
+which any sensor gives: the rival of both."""
 _JITTER, _BISECTIONS = 0.9, 24
 
 
@@ -81,7 +84,7 @@ def learnable(camera: CodedCamera) -> list[nn.Parameter]:
 
 def throughput_of(camera: CodedCamera) -> Tensor:
     """Mean of T̂ as a differentiable scalar, share of a white scene's light under equal exposure."""
-    return camera.code_cube().mean() / camera.exposures
+    return camera.code_cube().mean() * camera.buckets / camera.exposures
 
 
 @torch.no_grad()

@@ -18,10 +18,10 @@ from torch import Tensor
 from tmca.cameras import SpectralDepthCamera
 from tmca.design.search import Best
 from tmca.errors import SettingError, check_range
+from tmca.operators.window_moments import CONTAMINATION, SnapshotMoments, snapshot_moments
 from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR
-from tmca.priors.spectral_depth import CONTAMINATION, SnapshotMoments, snapshot_moments
 
 STEP = 0.01
 """Bins to either side over which moments are differenced; twice or half of it moves information by less than 0.1 %."""
@@ -90,8 +90,10 @@ def _recorded(
     moments = _moments(camera, prior, window, camera.psf(), contamination=contamination, **how)
     colour, shutter = (part.double() for part in camera.tile())
     noise, mean = camera.noise, prior.mean[:, 0, 0].to(colour)
-    passed = shutter.sum(0) / (camera.slots if camera.exposure == "equal" else 1)
-    level = torch.einsum("clij,l,ij->cij", colour, mean, passed).mean((1, 2))
+    passed = (shutter if shutter.ndim == 4 else shutter[None]).sum(1) / (
+        camera.slots if camera.exposure == "equal" else 1
+    )
+    level = torch.einsum("clij,l,rij->rcij", colour, mean, passed).mean((2, 3)).flatten()
     variance = noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
     return moments.covariance + torch.diag(variance), moments.cross
 

@@ -104,7 +104,8 @@ class Task:
         best = self.search(kind, slots, starts, **more)
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
         codes = best.camera.codes
-        write_codes(file, codes.aperture.tile(), codes.shutter.tile(), self.period, notes, overwrite=True)
+        planes, buckets = (codes.aperture.tile(), codes.shutter.tile()), best.camera.buckets
+        write_codes(file, *planes, self.period, notes, buckets=buckets, overwrite=True)
         return best
 
     def seconds(self, kind: str, slots: int) -> dict[str, float]:
@@ -171,7 +172,7 @@ def on_frame(camera: CodedCamera, arguments: dict[str, Any], size: tuple[int, in
         sensor: of the frame.
     """
     codes = camera.codes
-    shown: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor}
+    shown: dict[str, Any] = {"slots": camera.slots, "period": camera.size, "sensor": sensor, "buckets": camera.buckets}
     shown |= {"aperture": codes.aperture.tile().detach(), "shutter": codes.shutter.tile().detach()}
     return _built(arguments, size=size, **shown)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -56,6 +56,13 @@ class TransferMse:
         mean = scene.mean.reshape(-1).double()[pixels]
         variance = float(model.in_valid(moved.variance).mean())
         return cls(error, true[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
+
+    def for_buckets(self, buckets: int) -> TransferMse:
+        """See ``BlockMse``."""
+        if buckets == self.error.model.buckets:
+            return self
+        forms = {name: getattr(self, name).repeat(buckets, 1, buckets, 1) for name in ("covariance", "crossed")}
+        return replace(self, error=self.error.for_buckets(buckets), mean=self.mean.repeat(buckets, 1), **forms)
 
     def __call__(self, seen: Tensor, read_noise: float, shot: float) -> Tensor:
         """(P,) errors of blocks under code windows (P, taps, h, w)."""
@@ -141,9 +148,10 @@ class Examples:
         code, model = camera.taps().code, self.model
         period = (code.shape[1], code.shape[2])
         seen = windows(code, model.block, even_places(model, period, 2)).split(_PLACES)
+        errors = {name: error.for_buckets(camera.buckets) for name, error in self.transfers.items()}
         return {
             name: float(torch.cat([error(part, read_noise, shot) for part in seen]).mean())
-            for name, error in self.transfers.items()
+            for name, error in errors.items()
         }
 
 

@@ -8,9 +8,9 @@ from itertools import product
 from math import isfinite
 from typing import Any
 
+from tmca.arguments import checked_settings
 from tmca.cameras import LIMITS, PAIRS, PARTS, Hardware
 from tmca.decoders import decoders_for, make_decoder, settings_of
-from tmca.decoders.settings import checked_settings
 from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Settings

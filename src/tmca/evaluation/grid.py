@@ -21,7 +21,7 @@ from warnings import simplefilter, warn
 from pydantic import BaseModel
 
 import tmca
-from tmca.attributes import FiniteJson, read_json
+from tmca.attributes import NamedJson, read_json
 from tmca.data import make_folder, write_json, write_text
 from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
@@ -194,7 +194,7 @@ def _finished(file: Path) -> Measured | None:
     if not file.exists():
         return None
     try:
-        cell: Measured = read_json(file, dict[str, FiniteJson])
+        cell: Measured = read_json(file, NamedJson)
         if cell.pop(_DIGEST, None) != content_digest(cell, _DIGEST):
             raise DataError(file, "other content than was written", "that of a finished cell")
     except DataError as error:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.data import make_folder, sole_process
+from tmca.data import held_folder, make_folder
 from tmca.data.scene_names import identity_of, short_names
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
@@ -62,7 +62,7 @@ def run_study(
     check_new([out / name for name in (*files, *picture_names(study, names.values()))], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
-    with sole_process(make_folder(work)):
+    with held_folder(work):
         grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)

@@ -31,8 +31,8 @@ from tmca.evaluation.grid import Measured
 from tmca.evaluation.scenes import read_once
 from tmca.evaluation.searches import searched_masks
 from tmca.evaluation.tables import Row, grouped, mean, means
+from tmca.operators.window_moments import needed_block
 from tmca.plots.depth import Pair, predicted_depth_figure, rows_figure
-from tmca.priors.spectral_depth import needed_block
 from tmca.training.scenes import place_of
 from tmca.training.starting_masks import usual_margin
 

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tmca.data import check_folder, make_folder, sole_process
+from tmca.data import check_folder, held_folder, make_folder
 from tmca.data.scene_names import identity_of, short_names
 from tmca.decoders import decoders
 from tmca.evaluation.axes import Point, Sweep
@@ -88,7 +88,7 @@ def run_sweep(
     sweep.evaluation.check_scenes([*sweep.train, *sweep.validation], sweep.scenes, sweep.reading)
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
-    with sole_process(make_folder(work)):
+    with held_folder(work):
         grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])

@@ -22,7 +22,7 @@ class FixedOperator(TapOperator):
 
     def __init__(self, operator: TapOperator) -> None:
         super().__init__(operator.taps)
-        self.register_buffer("energy", operator.taps.gram_diagonal(), persistent=False)
+        self.register_buffer("energy", operator.taps.gram_diagonal()[0], persistent=False)
 
     def A(self, scene: Tensor) -> Tensor:
         """(B, L, H, W) → (B, 1, H, W')."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,9 @@ from numpy.typing import NDArray
 
 from tmca.data import read_array
 from tmca.errors import DataError, check_range
-from tmca.lab.quality import Doubtful
 
 Array = NDArray[np.float64]
 SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
-_SAME = 2
-"""Digital numbers between the darkest and the brightest hundredth of a frame, within which it may equal another."""
 
 
 @dataclass(frozen=True)
@@ -95,19 +91,6 @@ def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[
         name = frames.names[matches.index(None)]
         raise DataError(frames.source, f"a frame named {name}", f"names such as {example}", "rename the frames")
     return [tuple(float(part) for part in match.groups()) for match in matches if match]
-
-
-def warn_of_copies(*series: Frames) -> None:
-    """Warn of frames of one session that are the same in every pixel, for noise never repeats; frames that hardly vary
-    over their pixels, such as dark ones of 8 bits, may be."""
-    seen: dict[bytes, tuple[Path, str]] = {}
-    for frames in series:
-        for name, values in zip(frames.names, frames.values, strict=True):
-            other = seen.setdefault(values.tobytes(), (frames.source, name))
-            if other != (frames.source, name) and np.ptp(np.percentile(values, (1, 99))) > _SAME * frames.step:
-                found = f"{name} is the same as {other[1]} of {other[0]} in every pixel"
-                hint = "is it a copy, or did the bench give an old frame?"
-                warnings.warn(f"{frames.source}: {found}: {hint}", Doubtful, stacklevel=2)
 
 
 def frame_files(folder: Path) -> list[Path]:

@@ -17,7 +17,7 @@ from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_
 from tmca.lab.frames import check_size
 from tmca.lab.notes import SATURATED
 from tmca.lab.prototype import CodedPair, PixelShutter, SingleDisperser
-from tmca.lab.quality import Limit, Limits, warn_of, warn_of_saturation
+from tmca.lab.quality import warn_of_saturation
 from tmca.lab.registering import overlapping, registered
 from tmca.sensor import Sensor
 
@@ -40,14 +40,6 @@ def dark_noise(capture: NDArray[np.floating]) -> float:
     return float(1.4826 * np.median(steps) / np.sqrt(2))
 
 
-LIMITS: Limits = {
-    # white is the mean behind the codes: an open pixel gets about twice as much, of a bright scene twice that
-    "bright_over_white": Limit(4.0, "give black, white and saturation in the capture's numbers"),
-    "median_below_black_over_noise": Limit(5.0, "mend black"),
-    "noise_over_light": Limit(1.0, "hardly any light: give more, or mend black"),
-}
-
-
 def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> float:
     """The noise that is given, or that of the capture (H, W'), in its numbers.
 
@@ -63,24 +55,6 @@ def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> f
     if given is None and not noise:
         raise DataError(where, "no noise in the darkest fifth of its pixels", "some", "tell it with --noise")
     return noise
-
-
-def residuals_of(
-    values: NDArray[np.float64], noise: float, prototype: SingleDisperser | PixelShutter
-) -> dict[str, float]:
-    """What a capture (H, W') in its prototype's numbers, with light, leaves small.
-
-    ``bright_over_white``: the brightest hundredth over the white level, or over saturation where that is higher.
-    ``noise_over_light``: three standard deviations of the noise over the brightest hundredth, or a quarter over the
-    mean, whichever is less: codes in front of a scene that is bright all over look like noise, but have a mean.
-    """
-    light = values - prototype.black
-    bright, least = float(np.quantile(light, 0.99)), 1e-12
-    return {
-        "bright_over_white": bright / (max(prototype.white, prototype.saturation or 0.0) - prototype.black),
-        "median_below_black_over_noise": max(-float(np.median(light)), 0.0) / max(noise, least),
-        "noise_over_light": noise * min(3 / max(bright, least), 0.25 / max(float(light.mean()), least)),
-    }
 
 
 PIXELS, WITHHELD = "saturated_pixels", "saturated_withheld"
@@ -144,8 +118,7 @@ def import_capture(
     noise: float | None = None,
     withhold_saturated: bool = False,
 ) -> Snapshot[SpectralCamera]:
-    """A real capture with the camera that took it; warns of one that is dark, saturated or in other numbers than its
-    prototype's.
+    """A real capture with the camera that took it; warns of saturated pixels that are kept.
 
     Args:
         capture: file of the capture.
@@ -198,7 +171,6 @@ def _dispersed(
         raise DataError(mask, f"a mask that makes no camera ({error})", "one of this prototype") from error
     remedy = "give the mask of this capture: its width and its bands' displacement are the capture's"
     check_size(capture, "a capture", values.shape, camera.snapshot_shape[1:], remedy)
-    warn_of(capture, residuals_of(values, spread, prototype), LIMITS)
     about = _notes(prototype, capture, spread, unit) | {
         "mask": str(mask), "mask_sha256": checksum_of(mask), "registration": prototype.registration.model_dump_json(),
         "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
@@ -216,7 +188,6 @@ def _shuttered(
     values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
     spread = noise_of(values, noise, capture)
-    warn_of(capture, residuals_of(values, spread, prototype), LIMITS)
     unit = 1 / (prototype.white - prototype.black)
     camera = SpectralCamera(
         bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",

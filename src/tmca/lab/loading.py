@@ -13,6 +13,7 @@ from torch import Tensor
 
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.lab.checked_graph import load_program
+from tmca.stored_numbers import check_finite
 
 
 def load_exported(file: str | Path, trust: bool = False) -> Callable[[Tensor], Tensor]:
@@ -66,7 +67,13 @@ def _loaded_by_onnx(file: Path) -> Callable[[Tensor], Tensor]:
             found = f"operators of {', '.join(sorted(domains)) or 'its own'}"
             raise DataError(file, found[:80], "those of ONNX", "export it again with `tmca decoder export`")
         session = runtime.InferenceSession(content, providers=["CPUExecutionProvider"])
-    return lambda snapshot: torch.from_numpy(session.run(None, {"snapshot": snapshot.numpy()})[0])
+
+    def run(snapshot: Tensor) -> Tensor:
+        values = session.run(None, {"snapshot": snapshot.numpy()})[0]
+        check_finite(values, file, "an estimate", "export it again with `tmca decoder export`")
+        return torch.from_numpy(values)
+
+    return run
 
 
 @contextmanager

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
+from tmca.attributes import Attributes, read_json
 from tmca.errors import DataError
 
 GAIN = "gain_per_digital_number"
@@ -71,6 +70,16 @@ def _date_of(path: Path) -> datetime:
     return datetime.fromtimestamp(file.stat().st_mtime, UTC).replace(microsecond=0)
 
 
+class _Date(Attributes):
+    taken: str | None = None
+
+
+class _Dates(Attributes):
+    """Of the frames in a list of captures."""
+
+    frames: dict[str, _Date]
+
+
 def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
     """When the oldest frame of some captures was taken, UTC; None where no list of captures says.
 
@@ -83,26 +92,7 @@ def date_of_frames(sources: Iterable[str | Path]) -> datetime | None:
     dates = []
     for source in map(Path, sources):
         file = (source if source.is_dir() else source.parent) / CAPTURES
-        frames = read_json(file, "what `tmca capture` wrote").get("frames") if file.is_file() else {}
-        if not isinstance(frames, dict) or not all(isinstance(about, dict) for about in frames.values()):
-            raise DataError(file, "no list of captures", "what `tmca capture` wrote", "take an unchanged copy")
-        chosen = frames if source.is_dir() else {source.stem: frames.get(source.stem, {})}
-        dates += [parsed_date(about["taken"], file).astimezone(UTC) for about in chosen.values() if "taken" in about]
+        frames = read_json(file, _Dates).frames if file.is_file() else {}
+        chosen = [about for name, about in frames.items() if source.is_dir() or name == source.stem]
+        dates += [parsed_date(about.taken, file).astimezone(UTC) for about in chosen if about.taken is not None]
     return min(dates, default=None)
-
-
-def read_json(file: Path, expected: str, remedy: str = "check the path") -> dict[str, Any]:
-    """The object in a JSON file.
-
-    Raises:
-        DataError: missing, unreadable, or no object.
-    """
-    try:
-        about = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DataError(file, "no such file", expected, remedy) from error
-    except (OSError, ValueError) as error:
-        raise DataError(file, f"no readable JSON ({error})", expected, remedy) from error
-    if not isinstance(about, dict):
-        raise DataError(file, f"JSON of type {type(about).__name__}", expected, remedy)
-    return about

@@ -1,50 +1,27 @@
-"""How good a measurement is: its residuals held against what good captures leave."""
+"""How good a measurement is: its residual held against what good captures leave."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from typing import NamedTuple
 
 
 class Doubtful(UserWarning):
     """A residual beyond what good captures leave."""
 
 
-class Limit(NamedTuple):
-    """What good captures leave of a residual.
+def quality_of(source: object, name: str, residual: float, usual: float) -> float:
+    """A residual over what good captures leave of it at most; 0 where it is not known. Warns where that is above 1.
 
     Args:
-        most: largest magnitude.
-        hint: what to look at beyond it.
+        source: named in the warning.
+        name: of the residual.
+        residual: its value.
+        usual: the largest that good captures leave.
     """
-
-    most: float
-    hint: str
-
-
-Limits = Mapping[str, Limit]
-
-
-def quality_of(residuals: Mapping[str, float], limits: Limits) -> float:
-    """The largest residual over its limit: above 1 something may be wrong with the captures."""
-    shares = [abs(residuals[name]) / limit.most for name, limit in limits.items() if name in residuals]
-    return float(max((share for share in shares if share == share), default=0.0))
-
-
-def doubts(residuals: Mapping[str, float], limits: Limits) -> list[str]:
-    """A line on every residual beyond its limit."""
-    beyond = [(name, limit) for name, limit in limits.items() if abs(residuals.get(name, 0.0)) > limit.most]
-    return [
-        f"{name.replace('_', ' ')} {residuals[name]:.3g}, usually {most:g} at most: {hint}"
-        for name, (most, hint) in beyond
-    ]
-
-
-def warn_of(source: object, residuals: Mapping[str, float], limits: Limits) -> None:
-    """A warning for every residual beyond its limit."""
-    for line in doubts(residuals, limits):
-        warnings.warn(f"{source}: {line}", Doubtful, stacklevel=3)
+    quality = residual / usual if residual == residual else 0.0
+    if quality > 1:
+        warnings.warn(f"{source}: {name} {residual:.3g}, usually {usual:g} at most", Doubtful, stacklevel=3)
+    return quality
 
 
 def warn_of_saturation(source: object, share: float, hint: str, stacklevel: int = 3) -> None:

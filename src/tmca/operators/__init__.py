@@ -3,6 +3,7 @@
 from tmca.operators.light_field import code_through_mask, coded_mask, mask_code
 from tmca.operators.linear import (
     EXPOSURES,
+    Buckets,
     LinearOperator,
     SensorColumns,
     conditioning,
@@ -12,10 +13,11 @@ from tmca.operators.linear import (
 )
 from tmca.operators.spectral import SlotwiseDisperser, coloured_code, dual_disperser, single_disperser
 from tmca.operators.spectral_depth import LayeredOperator
-from tmca.operators.taps import TapOperator, Taps, sum_by_channel
+from tmca.operators.taps import TapOperator, Taps, of_buckets, sum_by_channel
 
 __all__ = [
     "EXPOSURES",
+    "Buckets",
     "LayeredOperator",
     "LinearOperator",
     "SensorColumns",
@@ -30,6 +32,7 @@ __all__ = [
     "dual_disperser",
     "exposure_weight",
     "mask_code",
+    "of_buckets",
     "single_disperser",
     "sparse_matrix",
     "sum_by_channel",

@@ -6,7 +6,7 @@ blocks that see them whole. Blocks may hang over the image's edge, where the cod
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -19,19 +19,21 @@ from tmca.operators.taps import Taps
 class BlockModel:
     """Geometry shared by every block of shape (L, h, w) under the same taps.
 
-    Measurement (i, c) of a block is snapshot row i and the c-th complete column.
+    Measurement (r, i, c) of a block is bucket r of snapshot row i and the c-th complete column.
 
     Args:
         block: (L, h, w).
-        channels: channel of each tap.
+        channels: channel of each tap of a bucket.
         offsets: offset of each tap past the smallest one, in pixels.
         origin: the smallest offset, in pixels.
+        buckets: number R of buckets of a sensor pixel.
     """
 
     block: tuple[int, int, int]
     channels: tuple[int, ...]
     offsets: tuple[int, ...]
     origin: int
+    buckets: int = 1
 
     @classmethod
     def of(cls, taps: Taps, block: tuple[int, int, int]) -> BlockModel:
@@ -47,7 +49,12 @@ class BlockModel:
         if block[2] <= span:
             found, wanted = f"blocks {block[2]} columns wide", f"more than the dispersion of {span}"
             raise ShapeError("prior", found, wanted, "learn wider blocks")
-        return cls(block, taps.channels, tuple(o - origin for o in taps.offsets), origin)
+        offsets = tuple(o - origin for o in taps.of_bucket(taps.offsets))
+        return cls(block, taps.of_bucket(taps.channels), offsets, origin, taps.buckets)
+
+    def for_buckets(self, buckets: int) -> BlockModel:
+        """The same blocks before a sensor with another number of buckets a pixel."""
+        return replace(self, buckets=buckets)
 
     @property
     def span(self) -> int:
@@ -62,7 +69,7 @@ class BlockModel:
     @property
     def measurements(self) -> int:
         """Complete measurements of a block."""
-        return self.block[1] * self.columns
+        return self.buckets * self.block[1] * self.columns
 
     @property
     def valid(self) -> tuple[int, int]:
@@ -80,21 +87,27 @@ class BlockModel:
         """(measurements, taps) flat index, in the block, of the pixel that each tap brings to each measurement."""
         (_, h, w), row = self.block, torch.arange(self.block[1])[:, None, None]
         column = self.span + torch.arange(self.columns)[None, :, None] - torch.tensor(self.offsets)
-        return (torch.tensor(self.channels) * h * w + row * w + column).reshape(self.measurements, -1)
+        seen = (torch.tensor(self.channels) * h * w + row * w + column).flatten(0, 1)
+        return seen.repeat(self.buckets, 1)
 
     def complete(self, windows: Tensor) -> Tensor:
-        """(P, taps, h, columns) the part of code windows (P, taps, h, w) that feeds the complete measurements."""
-        parts = [windows[:, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
-        return torch.stack(parts, 1)
+        """(P, T, R·h, columns) the part of code windows (P, R·T, h, w) that feeds the complete measurements: weights of
+        the T taps of a bucket, the rows of all buckets below each other."""
+        if windows.shape[1] != self.buckets * len(self.offsets):
+            found, expected = f"{windows.shape[1]} taps", f"{len(self.offsets)} for each of {self.buckets} buckets"
+            raise ShapeError("code", found, expected, "take a model of this camera")
+        every = windows.unflatten(1, (self.buckets, -1))
+        parts = [every[:, :, t, :, self.span - o : self.span - o + self.columns] for t, o in enumerate(self.offsets)]
+        return torch.stack(parts, 1).flatten(2, 3)
 
     def measure(self, weights: Tensor, blocks: Tensor) -> Tensor:
-        """A applied to blocks (..., P, n), with weights (P, taps, h, columns): (..., P, measurements)."""
-        bands = blocks.unflatten(-1, self.block).unbind(-3)
-        total = blocks.new_zeros(*blocks.shape[:-1], self.block[1], self.columns)
+        """A applied to blocks (..., P, n), with weights (P, T, R·h, columns): (..., P, measurements)."""
+        bands, weights = blocks.unflatten(-1, self.block).unbind(-3), weights.unflatten(2, (self.buckets, -1))
+        total = blocks.new_zeros(*blocks.shape[:-1], self.buckets, self.block[1], self.columns)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
-            light = bands[channel][..., self.span - o : self.span - o + self.columns]
+            light = bands[channel][..., None, :, self.span - o : self.span - o + self.columns]
             total = torch.addcmul(total, light, weights[:, t])
-        return total.flatten(-2)
+        return total.flatten(-3)
 
     def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
         """(measurements, P, n) covariance A S of measurements with pixels; ``rows`` is ``covariance[pixels()]``."""
@@ -142,7 +155,7 @@ class BlockGrid:
         return torch.nn.functional.pad(code, self.padding)
 
     def pad_snapshot(self, snapshot: Tensor) -> Tensor:
-        """Snapshots (B, H, W') with zeros around: no light falls there."""
+        """Snapshots (B, R, H, W') with zeros around: no light falls there."""
         left, _, _, below = self.padding
         right = max(0, max(self.lefts) + self.model.block[2] + self.model.origin - snapshot.shape[-1])
         return torch.nn.functional.pad(snapshot, (left, right, 0, below))
@@ -155,7 +168,7 @@ class BlockGrid:
     def snapshot_windows(self, padded: Tensor, positions: list[tuple[int, int]]) -> Tensor:
         """(P, B, measurements) complete measurements of each block in padded snapshots."""
         model, first = self.model, self.padding[0] + self.model.origin + self.model.span
-        views = [padded[:, y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
+        views = [padded[..., y : y + model.block[1], x + first : x + first + model.columns] for y, x in positions]
         return torch.stack(views).flatten(2)
 
 

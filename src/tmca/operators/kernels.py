@@ -1,7 +1,8 @@
 """Kernels of the collapsed cameras: two trilinear forms, each with three faces that are the derivatives of each other.
 
-**Taps**, ``Σ_t Σ_{b,m,n} y[b, m, n + o_t] · code[t, m, n] · x[b, c_t, m, n]``: the face of y is the forward model, that
-of x the adjoint. One multiply-add per tap, in place, on views of the snapshot: the floor is reading the scene once.
+**Taps**, ``Σ_t Σ_{b,m,n} y[b, r_t, m, n + o_t] · code[t, m, n] · x[b, c_t, m, n]``: the face of y is the forward model,
+that of x the adjoint; r_t is the bucket that a tap fills. One multiply-add per tap, in place, on views of the
+snapshot: the floor is reading the scene once.
 
 **Sheared codes**, ``Σ_t Σ_k code[t] · near[k] · wide[k, r_t : r_t + H, c_t : c_t + W]``: the face of the code is the
 time-multiplexed code cube (thesis eqs 12, 20), one plane of codes seen through a shifted copy of the other. The single
@@ -18,8 +19,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-Layout = tuple[tuple[int, ...], tuple[int, ...], int, int]
-"""(channels, offsets, scene channels L, snapshot width W') of taps."""
+Layout = tuple[tuple[int, ...], tuple[int, ...], int, int, int]
+"""(channels, offsets, scene channels L, snapshot width W', buckets R) of taps, those of a bucket after each other."""
 Offsets = Sequence[tuple[int, int]]
 """(row, column) at which every window of the wide planes begins, ≥ 0."""
 Faces = tuple[Callable[[Tensor, Tensor, Any], Tensor], ...]
@@ -27,12 +28,12 @@ Faces = tuple[Callable[[Tensor, Tensor, Any], Tensor], ...]
 
 
 def project(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
-    """(B, L, H, W), (t, H, W) → snapshot (B, 1, H, W')."""
+    """(B, L, H, W), (t, H, W) → snapshot (B, R, H, W')."""
     return _Face.apply(_TAPS, 0, scene, code, layout)
 
 
 def backproject(snapshot: Tensor, code: Tensor, layout: Layout) -> Tensor:
-    """(B, 1, H, W'), (t, H, W) → scene (B, L, H, W)."""
+    """(B, R, H, W'), (t, H, W) → scene (B, L, H, W)."""
     return _Face.apply(_TAPS, 1, code, snapshot, layout)
 
 
@@ -59,22 +60,29 @@ class _Face(torch.autograd.Function):
         return None, None, to_one, to_other, None
 
 
+def _taps(layout: Layout) -> Iterator[tuple[int, int, int, int]]:
+    """(index, bucket, channel, offset) of every tap, those of all buckets together: they read the same channel."""
+    channels, offsets, _, _, buckets = layout
+    share = len(channels) // buckets
+    for t in range(share):
+        for bucket in range(buckets):
+            yield bucket * share + t, bucket, channels[t], offsets[t]
+
+
 def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, _, width = layout
-    snapshot = scene.new_zeros(scene.shape[0], 1, scene.shape[2], width)
-    columns = code.shape[2]
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        snapshot[:, 0, :, offset : offset + columns].addcmul_(scene[:, channel], code[t])
+    *_, width, buckets = layout
+    snapshot, columns = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width), code.shape[2]
+    for t, bucket, channel, offset in _taps(layout):
+        snapshot[:, bucket, :, offset : offset + columns].addcmul_(scene[:, channel], code[t])
     return snapshot
 
 
 def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, scene_channels, _ = layout
-    columns = code.shape[2]
+    scene_channels, columns = layout[2], code.shape[2]
     scene = snapshot.new_empty(snapshot.shape[0], scene_channels, *code.shape[1:])
     seen: set[int] = set()
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        light = snapshot[:, 0, :, offset : offset + columns]
+    for t, bucket, channel, offset in _taps(layout):
+        light = snapshot[:, bucket, :, offset : offset + columns]
         if channel in seen:
             scene[:, channel].addcmul_(light, code[t])
         else:
@@ -86,11 +94,10 @@ def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
 
 
 def _code_of_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
-    channels, offsets, _, _ = layout
     batch, _, rows, columns = scene.shape
-    code = scene.new_empty(len(channels), rows, columns)
-    for t, (channel, offset) in enumerate(zip(channels, offsets, strict=True)):
-        light = snapshot[:, 0, :, offset : offset + columns]
+    code = scene.new_empty(len(layout[0]), rows, columns)
+    for t, bucket, channel, offset in _taps(layout):
+        light = snapshot[:, bucket, :, offset : offset + columns]
         torch.mul(scene[0, channel], light[0], out=code[t])
         for b in range(1, batch):
             code[t].addcmul_(scene[b, channel], light[b])

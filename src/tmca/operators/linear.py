@@ -4,7 +4,7 @@ explicit matrix of a small one: rank, condition number, coherence."""
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from math import prod
@@ -231,6 +231,36 @@ class SensorColumns(LinearOperator):
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
         return self.wide.A_adjoint(pad(snapshot, self.beside))
+
+
+class Buckets(LinearOperator):
+    """Operators of the buckets of one sensor, which see the same scene: their snapshots are the channels of one.
+
+    Args:
+        parts: of every bucket, with snapshots (B, 1, H, W').
+    """
+
+    def __init__(self, parts: Sequence[LinearOperator]) -> None:
+        super().__init__()
+        self._parts, self.scene_shape = nn.ModuleList(parts), parts[0].scene_shape
+        self.snapshot_shape = (len(parts), *parts[0].snapshot_shape[1:])
+
+    @property
+    def parts(self) -> list[LinearOperator]:
+        """The operator of every bucket."""
+        return [part for part in self._parts if isinstance(part, LinearOperator)]
+
+    @classmethod
+    def of(cls, parts: Sequence[LinearOperator]) -> LinearOperator:
+        """The operator of these buckets; itself for one."""
+        return parts[0] if len(parts) == 1 else cls(parts)
+
+    def A(self, scene: Tensor) -> Tensor:
+        return torch.cat([part.A(scene) for part in self.parts], 1)
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        scenes = [part.A_adjoint(one) for part, one in zip(self.parts, snapshot.split(1, 1), strict=True)]
+        return torch.stack(scenes).sum(0)
 
 
 @dataclass(frozen=True)

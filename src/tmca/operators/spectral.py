@@ -158,7 +158,7 @@ class SlotwiseDisperser(LinearOperator):
         still = (dispersion.bands, *aperture.shape[1:])
         self.scene_shape = (slots, *still) if moving else still
         self.snapshot_shape = (1, rows, width)
-        self._layout: Layout = (bands, offsets, dispersion.bands, width)
+        self._layout: Layout = (bands, offsets, dispersion.bands, width, 1)
 
     def A(self, scene: Tensor) -> Tensor:
         self._check("scene", scene)

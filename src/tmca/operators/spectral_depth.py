@@ -108,19 +108,21 @@ def _check(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Non
 
 
 def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
-    """Snapshot (B, C, H, W) of irradiance (B, K, L, H, W) through colour filters and shutter on the sensor (eq. 34).
+    """Snapshot (B, R·C, H, W) of irradiance (B, K, L, H, W) through colour filters and shutter on the sensor (eq. 34).
 
     ``e_{c,m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ C_{c,ℓ,m,n} g_{k,ℓ,m,n}``.
 
     Args:
         irradiance: of every slot.
         colour: (C, L, H, W) transmittance of the filter over every pixel, times the response of sensor channel c.
-        shutter: (K, H, W).
+        shutter: (K, H, W), or (R, K, H, W) of pixels with R buckets, whose channels come one bucket after the other.
         exposure: ``"equal"`` (mean over slots) or ``"per-slot"`` (sum).
 
     Raises:
         ShapeError: parts that do not fit each other.
     """
+    if shutter.ndim == 4:
+        return torch.cat([coded_exposure(irradiance, colour, one, exposure) for one in shutter], 1)
     slots, *image = irradiance.shape[1:]
     check_shape("colour", colour, ("C", *image))
     check_shape("shutter", shutter, (slots, *image[1:]))
@@ -136,7 +138,7 @@ def equivalent_psf(
     Args:
         psf: (K, D, L, h, w).
         colour: (C, L, H, W).
-        shutter: (K, H, W).
+        shutter: (K, H, W), of one bucket.
         pixel: (i, j) of the point.
         depth: index of its plane.
         exposure: see ``coded_exposure``.
@@ -168,7 +170,7 @@ class LayeredOperator(LinearOperator):
         transfer: (K, D, L, H', W'/2+1), see ``transfer_functions``.
         frame: (H', W').
         colour: (C, L, H, W), filters times the response of the sensor's channels.
-        shutter: (K, H, W).
+        shutter: (K, H, W), or (R, K, H, W) of pixels with R buckets.
         exposure: ``"equal"`` or ``"per-slot"``.
 
     Raises:
@@ -181,7 +183,7 @@ class LayeredOperator(LinearOperator):
         super().__init__()
         size = (int(weights.shape[-2]), int(weights.shape[-1]))
         self.scene_shape = (transfer.shape[2], *size)
-        self.snapshot_shape = (colour.shape[0], *size)
+        self.snapshot_shape = ((len(shutter) if shutter.ndim == 4 else 1) * colour.shape[0], *size)
         self.weights, self.transfer, self.frame = weights, transfer, frame
         self.colour, self.shutter, self.exposure = colour, shutter, exposure
 
@@ -194,11 +196,13 @@ class LayeredOperator(LinearOperator):
         self._check("snapshot", snapshot)
         check_shape("weights", self.weights, (1 if len(self.weights) == 1 else len(snapshot), "D", "H", "W"))
         height, width = self.snapshot_shape[1:]
-        light = torch.einsum("bchw,clhw->blhw", snapshot, self.colour)
-        light = light * exposure_weight(self.exposure, len(self.shutter))
+        shutters = self.shutter if self.shutter.ndim == 4 else self.shutter[None]
+        light = torch.einsum("brchw,clhw->brlhw", snapshot.unflatten(1, (len(shutters), -1)), self.colour)
+        light = light * exposure_weight(self.exposure, shutters.shape[1])
         bands = []
-        for band, passed in zip(light.unbind(1), self.transfer.unbind(2), strict=True):
-            spectra = torch.fft.rfft2(band[:, None] * self.shutter, s=self.frame)[:, :, None] * passed.conj()
+        for band, passed in zip(light.unbind(2), self.transfer.unbind(2), strict=True):
+            slots = (band[:, :, None] * shutters).sum(1)
+            spectra = torch.fft.rfft2(slots, s=self.frame)[:, :, None] * passed.conj()
             back = torch.fft.irfft2(spectra.sum(1), s=self.frame)[..., :height, :width]
             bands.append((back * self.weights).sum(1))
         return torch.stack(bands, 1)

@@ -22,7 +22,17 @@ from tmca.optics.point_spread import (
     stray_light,
 )
 from tmca.optics.spectral import Dispersion, gaussian_psf
-from tmca.optics.spectral_depth import FAMILIES, MODES, DepthPlanes, PhaseMaskBench, changed_bench, mask_heights
+from tmca.optics.spectral_depth import (
+    FAMILIES,
+    MODES,
+    DepthPlanes,
+    PhaseAttributes,
+    PhaseMaskBench,
+    changed_bench,
+    check_stated,
+    mask_heights,
+    mask_maps,
+)
 
 __all__ = [
     "FAMILIES",
@@ -36,6 +46,7 @@ __all__ = [
     "HeightMaps",
     "MaskGeometry",
     "Material",
+    "PhaseAttributes",
     "PhaseMaskBench",
     "PointSpread",
     "RotationalProfile",
@@ -46,9 +57,11 @@ __all__ = [
     "ZernikeHeights",
     "changed_bench",
     "check_mask",
+    "check_stated",
     "family_parameters",
     "gaussian_psf",
     "mask_heights",
+    "mask_maps",
     "restored_maps",
     "steep_share",
     "stray_light",

@@ -253,6 +253,8 @@ def restored_maps(heights: Tensor, parameters: Mapping[str, Tensor], stroke: Str
     """
     size, maps = (heights.shape[-2], heights.shape[-1]), FreeForm(heights, stroke)
     if "coefficients" in parameters:
+        if "noll" not in parameters:
+            raise ShapeError("noll", "none beside the coefficients of modes", "the index of every mode")
         modes = [noll(int(index)) for index in parameters["noll"]]
         family: HeightMaps = ZernikeHeights(parameters["coefficients"], modes, size, stroke)
     elif "radii" in parameters:

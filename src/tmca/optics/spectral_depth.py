@@ -10,11 +10,11 @@ from typing import Annotated, Any
 from warnings import warn
 
 import torch
-from pydantic import AllowInfNan, with_config
+from pydantic import AllowInfNan, Json, with_config
 from torch import Tensor
 
-from tmca.attributes import STRICT
-from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.attributes import STRICT, Attributes
+from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
 from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights
 from tmca.optics.phase import Material, circular_aperture, pixel_places, radians_per_metre, spherical_wave
 from tmca.optics.point_spread import FocalPlane, PointSpread, Undersampled
@@ -23,6 +23,8 @@ from tmca.optics.zernike import noll, pupil_coordinates
 FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
 MODES = 18
 """Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
+MOST_SAMPLES = 2**28
+"""Samples of point spread functions, which no array of a file is as large as."""
 _RADII, _MOST_PLANES = 16, 10_000
 _ROUNDING = 1e-6
 """By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
@@ -292,6 +294,47 @@ def mask_heights(
         heights = maps.profile().detach()
     heights = heights if stroke is None else heights.clamp(stroke.low, stroke.high)
     return FreeForm(heights, stroke, learnable=learnable)
+
+
+def mask_maps(
+    mask: str | Tensor | HeightMaps, slots: int, bench: PhaseMaskBench, *, learnable: bool, **drawn: Any
+) -> HeightMaps:
+    """Height maps of K slots on a bench: of a family, drawn as ``mask_heights`` does, or those that are given."""
+    if isinstance(mask, str):
+        return mask_heights(mask, slots, bench, learnable=learnable, **drawn)
+    maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, drawn["stroke"], learnable=learnable)
+    if learnable and not list(maps.parameters()):
+        maps = maps.repeated(slots, learnable=True)
+    check_shape("mask", maps(), (slots, *bench.mask_size))
+    return maps
+
+
+class PhaseAttributes(Attributes):
+    """What a file says of masks and shutter, which any bands may have."""
+
+    bench: Json[PhaseMaskBench]
+    depth: Json[DepthPlanes]
+    energy: str
+    exposure: str
+    stroke: Json[Stroke | None] = None
+
+
+def check_stated(stated: PhaseAttributes, mask: tuple[int, ...], bands: int, where: str) -> None:
+    """Whether the bench that a file states is that of masks (K, H, W), and no larger than can be computed.
+
+    Raises:
+        DataError: another side of the masks, or more samples than ``MOST_SAMPLES``.
+    """
+    bench, remedy = stated.bench, "correct the attribute bench or depth"
+    if mask[1:] != bench.mask_size:
+        found = f"masks of {'×'.join(map(str, mask[1:]))} pixels"
+        raise DataError(where, found, f"{bench.mask_pixels}×{bench.mask_pixels}, as its bench says", remedy)
+    height, width = bench.window
+    fine = max(height, width) * bench.oversampling * max(height, width, bench.mask_pixels) * bench.oversampling
+    samples = max(fine, stated.depth.count * bands * max(mask[0] * height * width, bench.mask_pixels**2))
+    if samples > MOST_SAMPLES:
+        found = f"point spread functions of {float(samples):.3g} samples"
+        raise DataError(where, found, f"at most {MOST_SAMPLES}", remedy)
 
 
 def _fresnel_lens(bench: PhaseMaskBench, wavelength: float) -> Tensor:

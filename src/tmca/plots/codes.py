@@ -18,20 +18,24 @@ CORNER, _POINTS = 48, 10
 
 
 def snapshot_figure(snapshot: np.ndarray, full_scale: float, channel: str, title: str) -> Figure:
-    """The recorded image ``(H, W')`` and how its values fill the sensor's range.
+    """The recorded image and how its values fill the sensor's range.
 
     Args:
-        snapshot: in units of one channel of a white scene.
+        snapshot: ``(H, W')``, or ``(R, H, W')`` of R buckets, in units of one channel of a white scene.
         full_scale: value at which the sensor saturates.
         channel: what its channels are called: ``"band"`` or ``"view"``.
         title: of the image.
     """
-    figure, axes = grid(1, 2, width=6.0, aspect=snapshot.shape[0] / snapshot.shape[1])
-    image(axes[0, 0], snapshot, title, "gray", bar=f"snapshot (1 = one {channel} of a white scene)")
+    buckets = snapshot if snapshot.ndim == 3 else snapshot[None]
+    figure, axes = grid(1, len(buckets) + 1, width=6.0, aspect=snapshot.shape[-2] / snapshot.shape[-1])
+    top = float(buckets.max()) if len(buckets) > 1 else None
+    for number, (axis, values) in enumerate(zip(axes[0], buckets, strict=False), start=1):
+        name = title if len(buckets) == 1 else f"{title}, bucket {number}"
+        image(axis, values, name, "gray", top, bar=f"snapshot (1 = one {channel} of a white scene)")
     share = np.clip(np.asarray(snapshot).ravel() / full_scale, -0.05, 1.1)
-    axes[0, 1].hist(share, bins=120, color=BLUE)
-    axes[0, 1].set_yscale("log")
-    plain_axes(axes[0, 1], "levels", "share of full scale", "pixels")
+    axes[0, -1].hist(share, bins=120, color=BLUE)
+    axes[0, -1].set_yscale("log")
+    plain_axes(axes[0, -1], "levels", "share of full scale", "pixels")
     return figure
 
 
@@ -47,16 +51,19 @@ def codes_figure(
 
     Args:
         aperture: ``(K, Ha, Wa)``.
-        shutter: ``(K, H, W')``.
-        code: ``(L, H, W')``.
+        shutter: ``(K, H, W')``, or ``(R, K, H, W')`` of R buckets.
+        code: ``(L, H, W')``, or ``(R, L, H, W')``.
         channels: (L,) names of the code's channels.
         title: above all of them.
         corner: pixels along each side that are shown.
     """
     slots = [f"slot {k + 1} of {len(aperture)}" for k in range(len(aperture))]
-    names = [f"T̂, {name}" for name in channels]
-    rows = [(aperture, [f"T, {s}" for s in slots]), (shutter, [f"S, {s}" for s in slots]), (code, names)]
-    if len(aperture) == 1:
+    names, rows = [f"T̂, {name}" for name in channels], [(aperture, [f"T, {s}" for s in slots])]
+    shutters, cubes = (part if part.ndim == 4 else part[None] for part in (shutter, code))
+    marks = ["" if len(shutters) == 1 else f"{r + 1}" for r in range(len(shutters))]  # the number of the bucket
+    rows += [(shown, [f"S{mark}, {s}" for s in slots]) for mark, shown in zip(marks, shutters, strict=True)]
+    rows += [(cube, [f"T̂{mark}, {name}" for name in channels]) for mark, cube in zip(marks, cubes, strict=True)]
+    if len(aperture) == 1 and len(shutters) == 1:
         # one of them is larger: it holds the dispersed light, or the shear of the views
         height, width = (min(corner, aperture.shape[axis], shutter.shape[axis]) for axis in (1, 2))
         both = np.stack([plane[0, :height, :width] for plane in (aperture, shutter)])

@@ -10,12 +10,14 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor
 
-from tmca.errors import ShapeError, check_range
+from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockModel
 from tmca.priors.prior import Prior
-from tmca.priors.statistics import FLOOR, checked_cubes, stationary_moments
+from tmca.priors.statistics import FLOOR, checked_cubes, lower_factor, stationary_moments
 from tmca.sensor import Noise
 
+_SLACK, _ROWS = 1 + 1e-6, 1024
+"""By which rounding may exceed a bound, and rows of a covariance that are looked at together."""
 NOISE_FLOOR = 1e-9
 """Variance of every measurement, squared snapshot units: G stays invertible without noise and without light."""
 
@@ -138,7 +140,7 @@ class GaussianPrior(Prior):
         white = torch.randn(
             count, self.mean.numel(), generator=torch.Generator().manual_seed(seed), dtype=torch.float64
         )
-        return self.mean + (white @ torch.linalg.cholesky(self.covariance).mT).reshape(count, *self.block)
+        return self.mean + (white @ lower_factor(self.covariance).mT).reshape(count, *self.block)
 
     def figure(self) -> Any:
         """Leading eigen-blocks, mean spectrum and eigenvalues."""
@@ -152,7 +154,25 @@ class GaussianPrior(Prior):
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         moments = arrays["autocovariance" if "autocovariance" in arrays else "covariance"]
-        return cls(arrays["mean"], moments, about["wavelengths"], about["sources"])
+        prior = cls(arrays["mean"], moments, about["wavelengths"], about["sources"])
+        prior._check_correlations()
+        return prior
+
+    def _check_correlations(self) -> None:
+        """Raises SettingError where a covariance is larger than the variances of its pixels allow.
+
+        That is what shows at a glance; who solves with it notices whatever else is not positive definite.
+        """
+        deviation = self.variance.clamp_min(0).sqrt()
+        if self.stationary:
+            same = deviation[:: self.mean[0].numel()]
+            bounds: Tensor = torch.outer(same, same)[:, :, None, None]
+            allowed = bool((self.moments.abs() <= _SLACK * bounds).all())
+        else:
+            parts = zip(self.moments.split(_ROWS), deviation.split(_ROWS), strict=True)
+            allowed = all(bool((part.abs() <= _SLACK * torch.outer(some, deviation)).all()) for part, some in parts)
+        if not allowed:
+            raise SettingError("covariance", "values larger than its variances allow", "one of scene blocks")
 
 
 @dataclass(frozen=True)
@@ -228,7 +248,7 @@ class GaussianSolver:
         cross = self.model.cross_covariance(weights, self.rows)
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
         signal = self.model.measure(weights, cross).transpose(0, 1).double()
-        factor = torch.linalg.cholesky(signal + torch.diag_embed(noise_variance(expected, self.noise)))
+        factor = lower_factor(signal + torch.diag_embed(noise_variance(expected, self.noise)))
         return BlockPosterior(self, cross, factor, expected)
 
     def typical_variance(self, windows: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Labelled example scenes as what priors are learned from: checked against each other, in tensors, in usual blocks."""
+"""Labelled example scenes as what priors are learned from: checked against each other, in tensors."""
 
 from __future__ import annotations
 
@@ -17,32 +17,10 @@ if TYPE_CHECKING:
 
 PATCH = (11, 11)
 """Rows and columns of a dictionary's patches where none are given."""
-_ROWS, _ENTRIES, _MIXTURE_ROWS, _MIXTURE_ENTRIES = 12, 5184, 8, 3456
-_COMPLETE, _FEWEST_ROWS = 14, 2
-_VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
 _SCENES = ("light_field", "radiance")
 """Variables of datasets that hold a scene."""
 _VIEW_AXES = ("view_v", "view_u", "y", "x")
 _AXES = (("wavelength", "y", "x"), _VIEW_AXES, ("colour", *_VIEW_AXES))
-
-
-def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, int] | None = None) -> tuple[int, int]:
-    """(rows, columns) of blocks of cubes or views.
-
-    Blocks of cubes are wide enough that some columns see all their light from inside. For 12 bands at one pixel per
-    band they are 12×36 (Gaussian) and 8×36 (mixture). On training scenes left out one by one, 16×36 gives 0.1 dB more
-    for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``); other cameras get as many rows, two at least,
-    as keep the covariance about that large. Blocks of views are square and of odd sides: 9×9 for 5×5 views, 5×5 for
-    9×9, 11×11 at most.
-    """
-    if kind == "dictionary":
-        return PATCH
-    if views is not None:
-        side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
-        return side - 1 + side % 2, side - 1 + side % 2
-    columns = max(2 * extent + _COMPLETE, 24)
-    rows, entries = (_MIXTURE_ROWS, _MIXTURE_ENTRIES) if kind == "mixture" else (_ROWS, _ENTRIES)
-    return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 
 def values_of(scene: xr.DataArray | xr.Dataset) -> xr.DataArray:

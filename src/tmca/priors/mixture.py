@@ -18,7 +18,15 @@ from tmca.errors import ShapeError, check_range
 from tmca.operators.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior, GaussianSolver, explained_variance, noise_variance, sufficient_precision
 from tmca.priors.prior import Prior
-from tmca.priors.statistics import FLOOR, Kinds, checked_cubes, leading_eigenvectors, normalised, random_blocks
+from tmca.priors.statistics import (
+    FLOOR,
+    Kinds,
+    checked_cubes,
+    leading_eigenvectors,
+    lower_factor,
+    normalised,
+    random_blocks,
+)
 from tmca.sensor import Noise
 
 _NEGLIGIBLE, _NOTHING = 1e-2, 1e-6
@@ -267,7 +275,7 @@ class MixturePosterior:
         whole = prior.scales[used, None, None] * base.double() + (inside @ s.changes[used] @ inside.mT).double()
         expected = gains[:, None] * (self.centre[block, some] + s.means[kinds] @ inside.mT).double()
         noise = noise_variance(expected, s.noise)
-        factors = torch.linalg.cholesky(gains[:, None, None] ** 2 * whole[place] + torch.diag_embed(noise))
+        factors = lower_factor(gains[:, None, None] ** 2 * whole[place] + torch.diag_embed(noise))
         return Components(kinds, gains, factors, expected, prior.weights[kinds, levels].log())
 
     def _likely(self, block: int, measured: Tensor) -> tuple[Tensor, Tensor]:
@@ -353,8 +361,10 @@ class MixtureSolver:
 
 
 def _glance(model: BlockModel) -> Tensor:
-    """Indices of the measurements of a few rows of a block, evenly through its height."""
+    """Indices of the measurements of a few rows of a block, evenly through its height, in every bucket."""
     rows = model.block[1]
     count = min(_GLANCE_ROWS, rows)
-    chosen = torch.tensor([(2 * i + 1) * rows // (2 * count) for i in range(count)])
+    chosen = torch.tensor(
+        [r * rows + (2 * i + 1) * rows // (2 * count) for r in range(model.buckets) for i in range(count)]
+    )
     return (chosen[:, None] * model.columns + torch.arange(model.columns)).flatten()

@@ -16,6 +16,7 @@ from torch import Tensor
 from tmca.arguments import described
 from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.stored_numbers import finite_numbers
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -197,9 +198,8 @@ class _PriorAttributes(Attributes):
 
 def _numbers(data: xr.Dataset, name: str, path: str | Path) -> Tensor:
     """A variable in double precision; DataError unless its numbers are finite."""
-    if data[name].dtype.kind not in "buif" or not bool(np.isfinite(data[name].values).all()):
-        raise DataError(path, f"variable {name} with values that are not finite", "numbers", "learn the prior again")
-    return torch.from_numpy(data[name].values.astype(np.float64))
+    values = finite_numbers(data[name].values, path, f"variable {name}", np.float64, "learn the prior again")
+    return torch.from_numpy(values)
 
 
 def check_kind(prior: Prior, kind: str) -> None:

@@ -238,6 +238,19 @@ def _k_means(points: Tensor, count: int, seed: int) -> Tensor:
     return torch.cdist(points, centres).argmin(1)
 
 
+def lower_factor(covariance: Tensor) -> Tensor:
+    """(..., n, n) lower Cholesky factor of what a prior says about measurements or pixels.
+
+    Raises:
+        SettingError: it is not positive definite.
+    """
+    try:
+        return torch.linalg.cholesky(covariance)
+    except torch.linalg.LinAlgError:  # type: ignore[attr-defined]
+        wanted, remedy = "one that is positive definite", "learn the prior again"
+        raise SettingError("prior", "a covariance that no scenes have", wanted, remedy) from None
+
+
 def leading_eigenvectors(covariance: Tensor, rank: int) -> Tensor:
     """(n, rank) orthonormal eigenvectors of a covariance (n, n), largest eigenvalue first.
 

@@ -197,7 +197,7 @@ def _write_codes(camera: CodedCamera, out: Path, record: Mapping[str, Any], over
             )
     notes = {"advice": record["advice"], "sensor": record["sensor"], CODES_DATE: now()}
     period = (int(record["period"]), int(record["period"]))
-    write_codes(out / "codes.nc", aperture, shutter, period, notes, overwrite=overwrite)
+    write_codes(out / "codes.nc", aperture, shutter, period, notes, buckets=camera.buckets, overwrite=overwrite)
 
 
 def _light(record: Mapping[str, Any]) -> str:

@@ -18,9 +18,9 @@ from tmca.data.rendering import is_rendered
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet, search_masks
 from tmca.errors import DataError, SettingError
 from tmca.evaluation.tables import check_new
+from tmca.operators.window_moments import needed_block
 from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
-from tmca.priors.spectral_depth import needed_block
 from tmca.reports.codes import named_once, read_scenes
 from tmca.reports.mask_page import described, design_files, write_design
 

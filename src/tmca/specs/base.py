@@ -147,6 +147,7 @@ Wholes = Annotated[tuple[int, ...], BeforeValidator(_words)]
 Whole = Annotated[int, Field(ge=1, le=10**9)]
 """1 or more."""
 Slots = Annotated[int, Field(ge=1, le=1024)]
+Buckets = Annotated[int, Field(ge=1, le=256)]
 """Time slots K within an exposure."""
 Pixels = Annotated[int, Field(ge=1, le=32768)]
 """Along one side of a sensor, a tile or a window."""

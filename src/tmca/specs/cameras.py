@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Both, Distances, Numbers, Pixels, Seed, Share, Slots, Spec
+from tmca.specs.base import Both, Buckets, Distances, Numbers, Pixels, Seed, Share, Slots, Spec
 
 CAMERA_SPECS: dict[str, type[CameraSpec]] = {}
 """The spec of every kind of camera."""
@@ -52,7 +52,9 @@ class CodedSpec(CameraSpec):
     aperture: str = "random"
     "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns."
     shutter: str = "random"
-    "Shutter codes: random, open, one-hot, complementary, blue-noise, or a file of patterns."
+    "Shutter codes: random, open, one-hot, complementary, balanced, blue-noise, burst, or a file of patterns."
+    buckets: Buckets = 1
+    "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     preset: str | None = None
     """Start from a named camera: thesis, one-hot, and of the spectral camera cassi (static), of the light field clfp
     (static) and quick. Other options replace its values."""
@@ -117,7 +119,9 @@ class SpectralDepthSpec(CameraSpec):
     mask: str | None = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
     shutter: str | None = None
-    "Shutter codes: random, open, one-hot, complementary or blue-noise."
+    "Shutter codes: random, open, one-hot, complementary, balanced, blue-noise or burst."
+    buckets: Buckets = 1
+    "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     depth: Distances = (0.4, 2.0)
     "NEAR,FAR of the depth planes, metres."
     planes: Annotated[int, Field(le=4096)] | None = None

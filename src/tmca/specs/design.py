@@ -15,7 +15,8 @@ class CodeSearchSpec(Spec):
     "Numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]"
     kinds: Words = ("free", "one-hot")
     """Structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix; open-shutter where each pixel
-    cannot have a shutter of its own, static-aperture where the mask stands still."""
+    cannot have a shutter of its own, static-aperture where the mask stands still; two-bucket where pixels have two
+    buckets, and burst, two frames one after the other in the same time."""
     throughput: Share | None = None
     "Share of light that codes shall let through, as near as their kind allows. [default: free]"
     light: Share | None = None

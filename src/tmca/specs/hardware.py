@@ -38,7 +38,8 @@ class Hardware:
 
     Args:
         contrast_ratio: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
-        leakage: share of the light that a closed shutter pixel records.
+        leakage: share of the light that a closed shutter pixel records; with several buckets, that each of them loses
+            to the others.
         switching: time that the aperture needs from one pattern to the next, share of a slot; it changes linearly.
         dead_time: time at the beginning of every slot in which no shutter is open, share of a slot.
         delay: of the shutter after the aperture, slots.

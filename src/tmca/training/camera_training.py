@@ -175,7 +175,7 @@ def training_settings(
     of_file = described.pop("preset", None)
     name = of_file if preset is None else preset
     if name is not None:
-        check_choice("preset", name, training.presets)
+        check_choice("preset" if preset is not None else f"{file}: preset", name, training.presets)
     merged = merge({} if name is None else training.presets[name], described)
     for dotted, value in (changes or {}).items():
         merged = merge(merged, nested(dotted.split("."), value))

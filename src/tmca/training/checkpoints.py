@@ -16,6 +16,7 @@ from tmca.attributes import Attributes, read_json
 from tmca.data import atomic_path, make_folder, write_json
 from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
+from tmca.stored_numbers import check_finite
 
 _NEWEST = 2
 """Checkpoints that a run has at most."""
@@ -113,8 +114,8 @@ def _tensors(file: Path) -> dict[str, Tensor]:
     with whole_file(file, "checkpoint", "delete it"):
         tensors: dict[str, Tensor] = load_file(file)
     for name, values in tensors.items():
-        if values.is_floating_point() and not bool(values.isfinite().all()):
-            raise DataError(file, f"numbers in {name[:60]} that are not finite", "a whole checkpoint", "delete it")
+        if values.is_floating_point():
+            check_finite(values.float().numpy(), file, name[:60], "delete it")
     return tensors
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tmca.attributes import FiniteJson, read_json
-from tmca.data import make_folder, sole_process, write_json
+from tmca.attributes import NamedJson, read_json
+from tmca.data import held_folder, write_json
+from tmca.data.atomic import sweep
 from tmca.data.locks import LOCK
 from tmca.errors import OutputError, TmcaError
 from tmca.training.checkpoints import latest_checkpoint
@@ -32,8 +33,10 @@ def open_run(folder: Path, settings: RunSettings, lists: SceneLists) -> None:
         DataError: its description cannot be read.
     """
     described = {"settings": settings.model_dump(mode="json"), "scenes": vars(lists)}
-    half_written = [*folder.glob(".*.tmp*"), *folder.glob("*/.*.tmp*")]
-    _delete(half_written)
+    sweep(folder)
+    for place in folder.iterdir():
+        if place.is_dir() and not place.name.startswith("."):
+            sweep(place)
     about = folder / _ABOUT
     if about.exists() and latest_checkpoint(folder / "checkpoints") is not None:
         _check_same(about, json.loads(json.dumps(described)))
@@ -53,16 +56,8 @@ def locked(folder: Path) -> Iterator[None]:
     """
     if folder.exists() and not (folder / _ABOUT).exists() and not all(map(_left_by_run, folder.iterdir())):
         raise OutputError(folder, "a folder with other files", "an empty or new one", "choose another --out")
-    new_folders = [place for place in (folder, *folder.parents) if not place.exists()]
-    make_folder(folder)
-    try:
-        with sole_process(folder), _emptied(folder):
-            yield
-    except TmcaError:
-        with suppress(OSError):  # something holds them fast
-            for place in new_folders:
-                place.rmdir()
-        raise
+    with held_folder(folder), _emptied(folder):
+        yield
 
 
 @contextmanager
@@ -90,7 +85,7 @@ def _delete(paths: Iterable[Path]) -> None:
 
 
 def _check_same(about: Path, described: dict[str, Any]) -> None:
-    before = _flat(read_json(about, dict[str, FiniteJson]))
+    before = _flat(read_json(about, NamedJson))
     now = _flat(described)
     for name in sorted(before.keys() | now.keys()):
         if before.get(name) != now.get(name):

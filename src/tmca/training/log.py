@@ -9,6 +9,7 @@ from pathlib import Path
 from tmca.data import write_text
 from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
+from tmca.text_files import read_text
 
 
 class TrainingLog:
@@ -25,8 +26,8 @@ class TrainingLog:
         """What is written so far."""
         if not self.path.exists():
             return []
+        text = read_text(self.path, "a log of a run", "delete it")
         with whole_file(self.path, "log of a run", "delete it"):
-            text = self.path.read_text(encoding="utf-8")
             rows = list(csv.DictReader(text.splitlines(), restval="", strict=True))
         for row in rows:
             if None in row or not (row.get("step") or "").isdecimal() or not all(map(_figure, row.values())):

@@ -33,6 +33,8 @@ class MaskTraining(CameraTraining):
         decoder = dict(settings.decoder)
         if "bands" in decoder:
             raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
+        if camera.buckets > 1:
+            decoder["buckets"] = camera.buckets
         return build_network(decoder.pop("kind", "unrolled"), bands=camera.channels, **decoder)
 
     def needed_prior(self, settings: MaskTrainSettings, camera: Any, network: Any) -> NeededPrior | None:

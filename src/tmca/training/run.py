@@ -58,7 +58,7 @@ def train(settings: TrainSettings, folder: Path, load: Load | None = None, **how
         settings: of the run, of any camera; see `training_settings`.
         folder: of the run: ``run.json``, ``log.csv``, ``prior.nc``, ``checkpoints/``, ``weights.safetensors``.
         load: from a scene's name to the scene at the camera's bands or views; `scene_reader` without.
-        how: ``accelerator``, ``processes``, ``nodes`` and ``progress`` of `carry_out`.
+        how: ``accelerator``, ``processes``, ``nodes``, ``progress`` and ``finish`` of `carry_out`.
 
     Raises:
         OutputError: the folder holds another run.
@@ -83,6 +83,7 @@ def carry_out(
     processes: int = 1,
     nodes: int = 1,
     progress: Progress | None = None,
+    finish: Callable[[], None] | None = None,
 ) -> Trained:
     """A run of any system; errors as of `train`.
 
@@ -96,6 +97,7 @@ def carry_out(
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
         progress: called after every step, in the first process.
+        finish: called in the first process when the run is done, while other runs are still kept out of its folder.
     """
     precision = choose_precision(settings.precision, accelerator)
     fabric = start_engine(settings, precision, accelerator, processes, nodes)
@@ -107,7 +109,11 @@ def carry_out(
         torch.manual_seed(settings.seed)
         shown = progress if fabric.is_global_zero else None
         run = Run(prepare(used, fabric), used, steps, folder, fabric, shown)
-        return Trained(folder / WEIGHTS, run.train(), steps, run.cpu_seconds)
+        trained = Trained(folder / WEIGHTS, run.train(), steps, run.cpu_seconds)
+        fabric.barrier()
+        if finish and fabric.is_global_zero:
+            finish()
+        return trained
 
 
 def set_up(settings: TrainSettings, fabric: Fabric, folder: Path, load: Load, lists: SceneLists) -> Setup:

@@ -17,9 +17,9 @@ from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
 from tmca.errors import DataError
+from tmca.operators.window_moments import needed_block
 from tmca.optics import check_mask
 from tmca.priors import block_of
-from tmca.priors.spectral_depth import needed_block
 from tmca.specs.base import Share, Whole
 from tmca.training.camera_training import CameraTraining, NeededPrior
 from tmca.training.depth_system import DepthSystem

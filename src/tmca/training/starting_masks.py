@@ -13,12 +13,12 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.sensor_tiles import check_holds
 from tmca.cameras.spectral_depth import phase_settings
-from tmca.cameras.stated import PhaseAttributes
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
     FreeForm,
     HeightMaps,
+    PhaseAttributes,
     PhaseMaskBench,
     RotationalProfile,
     Stroke,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -52,13 +52,16 @@ class FineTuning:
         """A capture with its truth."""
         return read_pair(self.pairs[name], self.weights, self.calibration)[0]
 
-    def run(self, folder: Path, read: ReadPair | None = None, **how: Any) -> Trained:
+    def run(
+        self, folder: Path, read: ReadPair | None = None, *, finish: Callable[[], None] | None = None, **how: Any
+    ) -> Trained:
         """Fine-tune, or go on with a run that was stopped; the step that is saved is never worse on the captures that
         are held out than the decoder as it was, which is step 0.
 
         Args:
             folder: of the run, see `tmca.training.train`.
             read: of a capture with its truth, by its name; `read` without.
+            finish: called when it is done, while other runs are still kept out of the folder.
             how: see `tmca.training.train`.
 
         Raises:
@@ -68,9 +71,14 @@ class FineTuning:
         """
         data, steps = self.settings.data, self.settings.optimiser.steps
         prepare = partial(self.set_up, folder=folder, read=read or self.read)
-        trained = carry_out(prepare, self.settings, folder, SceneLists(data.train, data.validation), steps, **how)
-        rmtree(folder / "starts", ignore_errors=True)
-        return trained
+
+        def done() -> None:
+            rmtree(folder / "starts", ignore_errors=True)
+            if finish:
+                finish()
+
+        lists = SceneLists(data.train, data.validation)
+        return carry_out(prepare, self.settings, folder, lists, steps, finish=done, **how)
 
     def set_up(self, settings: TuningSettings, fabric: Fabric, folder: Path, read: ReadPair) -> Setup:
         """Network, captures and windows of a run."""

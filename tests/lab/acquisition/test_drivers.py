@@ -8,12 +8,10 @@ import time
 
 import numpy as np
 import pytest
-import tifffile
 import torch
 
 from tests.lab.acquisition.test_capture import exported, scene_of
 from tests.lab.display.test_export import spectral
-from tmca.cameras import SpectralCamera
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.acquisition import drivers as protocol_module
 from tmca.lab.acquisition.drivers import Calls, Device, find_device, time_limit
@@ -51,55 +49,6 @@ def test_saturated_captures_are_refused(tmp_path):
     assert [file.name for file in sorted((tmp_path / "frames").iterdir())] == ["captures.json", "dark.tif"]
 
 
-def test_frames_without_light_are_told(tmp_path):
-    with pytest.warns(Doubtful, match="slot_000, slot_001, slot_002 no brighter than the dark frame: .*lens cap"):
-        capture(exported(tmp_path, spectral()), Lamp(60), tmp_path / "frames")
-
-
-@pytest.mark.parametrize("kept", [0, 2])
-def test_a_driver_that_gives_an_old_frame_is_told(tmp_path, kept):
-    """Also one that was kept before the capture went on."""
-    export, lamp, frames = exported(tmp_path, spectral()), Lamp(900), {}
-    if kept:
-        with pytest.raises(DeviceError):
-            capture(export, Broken(timeout), tmp_path / "frames")
-    own, old = lamp.capture, tifffile.imread(tmp_path / "frames" / "slot_000.tif") if kept else None
-
-    def stale(whole=False):
-        return frames.setdefault(lamp.on, old if kept and lamp.on else own(whole))
-
-    lamp.capture = stale
-    with pytest.warns(Doubtful, match=r"slot_001 is the same as slot_000 of .* in every pixel"):
-        capture(export, lamp, tmp_path / "frames")
-
-
-def test_a_driver_that_gives_one_dark_frame_again_and_again_is_told(tmp_path):
-    export, lamp = exported(tmp_path, spectral()), Lamp(900)
-    own, dark = lamp.capture, Lamp(60).capture()
-    lamp.capture = lambda whole=False: own(whole) if lamp.on else dark
-    with pytest.warns(Doubtful, match=r"dark_r1 is the same as dark of .* in every pixel"):
-        capture(export, lamp, tmp_path / "frames")
-
-
-def test_dark_frames_that_are_clipped_and_a_bench_without_noise_may_repeat(tmp_path):
-    camera, lamp = SpectralCamera(bands=3, size=(12, 16), slots=3, aperture="static", seed=2), Lamp(900)
-    own = lamp.capture
-    lamp.capture = lambda whole=False: own(whole) if lamp.on else np.zeros((12, 18), np.uint16)
-    export = exported(tmp_path, camera)
-    capture(export, lamp, tmp_path / "clipped")
-    bench = SimulatedBench(camera, scene_of(camera), whole=False)
-    folder = capture(export, bench, tmp_path / "simulated", repeats=2)
-    assert len({file.read_bytes() for file in folder.glob("slot_*.tif")}) == 1
-
-
-@pytest.mark.parametrize(("saturation", "doubtful"), [(65535, True), (7400, True), (7200, False)])
-def test_numbers_far_below_saturation_are_doubted(tmp_path, recwarn, saturation, doubtful):
-    export, lamp = exported(tmp_path, spectral()), Lamp(910)
-    lamp.saturation = float(saturation)
-    capture(export, lamp, tmp_path / "frames")
-    assert any("is saturation" in str(one.message) for one in recwarn) == doubtful
-
-
 class Broken(Lamp):
     """A driver that fails as drivers do, in slot 1."""
 
@@ -135,14 +84,6 @@ def test_drivers_that_fail_do_so_in_one_line_and_lose_no_frame(tmp_path, failure
     assert [file.name for file in sorted((tmp_path / "frames").glob("*.tif"))] == ["dark.tif", "slot_000.tif"]
     capture(export, Lamp(900), tmp_path / "frames")
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
-
-
-def test_a_driver_that_fails_on_the_name_of_a_frame_does_so_in_one_line(tmp_path):
-    lamp = Lamp(900)
-    lamp.name_frame = lambda name: {"dark": 0}[name]
-    with pytest.raises(DeviceError, match="device Lamp: found KeyError: 'slot_000'"):
-        capture(exported(tmp_path, spectral()), lamp, tmp_path / "frames")
-    assert [file.name for file in (tmp_path / "frames").glob("*.tif")] == ["dark.tif"]
 
 
 class Hanging(Lamp):
@@ -362,14 +303,6 @@ def test_saturation_is_white_in_one_frame_unless_the_driver_knows_its_scale(tmp_
     lamp.snapshot_units_per_dn = 0.25
     found = joined(capture(export, lamp, tmp_path / "other", gain=None, camera=camera), export, camera)
     assert found.notes["gain_per_digital_number"] == 0.25
-
-
-def test_a_saturation_that_hangs_ends_the_capture(tmp_path):
-    class Hung(Lamp):
-        saturation = property(lambda self: threading.Event().wait())
-
-    with pytest.raises(DeviceError, match=r"device Hung: found no answer in 0\.2 s"):
-        capture(exported(tmp_path, spectral()), Hung(900), tmp_path / "frames", timeout=0.2)
 
 
 @pytest.mark.parametrize("limit", [0, 20])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import Hardware, SpectralCamera, imperfect
-from tmca.lab.calibration.bench_physics import (
+from studies.ray_physics import (
     BenchSensor,
     BenchTruth,
     glass_shift,
@@ -19,8 +18,9 @@ from tmca.lab.calibration.bench_physics import (
     spectral_light,
     time_beside,
 )
+from studies.rendered_bench import nominal_spectral, place_of_codes, spectral_truth
+from tmca.cameras import Hardware, SpectralCamera, imperfect
 from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.calibration.rendered_bench import nominal_spectral, place_of_codes, spectral_truth
 from tmca.optics import PhaseMaskBench
 
 

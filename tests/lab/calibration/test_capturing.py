@@ -9,8 +9,8 @@ import torch
 
 from tests.lab.acquisition.test_capture import exported
 from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
+from tmca.data import read_array
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
-from tmca.lab.acquisition.captures import read_tif
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.capturing import capture_step, shots_of
@@ -38,7 +38,7 @@ def bench_of(camera, **settings):
 
 def frame(folder, name, bench):
     """Snapshot units above the black level."""
-    return (read_tif(folder / f"{name}.tif").astype(float) - bench.black) * bench.gain
+    return (read_array(folder / f"{name}.tif").astype(float) - bench.black) * bench.gain
 
 
 @pytest.mark.parametrize("size", [(17, 20), (16, 23)])

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from studies.ray_physics import point_of, seen_by_rays
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.lab.calibration.bench_physics import point_of, seen_by_rays
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.dispersion import measure_dispersion
 from tmca.lab.calibration.displacement import displacement_of, measure_shear
@@ -82,16 +82,6 @@ def test_dispersion_refuses_what_cannot_be():
         found.at([400e-9])
 
 
-def test_without_a_curve_displacements_still_go_one_way():
-    frames = displaced(glass(NM))
-    found = measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, curve="measured")
-    assert np.isnan(found.residual).all()
-    assert found.turning_back() == 0
-    for how in ({"curve": "measured"}, {"order": 4}):
-        swapped = measure_dispersion(frames[[0, 3, 2, 1, 4]], NM * 1e-9, PATTERN, REGISTERED, **how)
-        assert swapped.turning_back() > 1
-
-
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_few_wavelengths_need_no_curve(count):
     frames = displaced(glass(NM))[:count]
@@ -103,15 +93,6 @@ def test_a_curve_through_every_wavelength_leaves_nothing_that_is_known():
     frames = displaced(glass(NM))
     found = [measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, order=order) for order in (3, 4)]
     assert [bool(np.isfinite(one.residual).all()) for one in found] == [True, False]
-
-
-def test_light_that_was_registered_is_not_displaced():
-    frames = displaced(glass(NM))
-    found = measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED)
-    assert max(found.off_reference(nm * 1e-9) for nm in (550, 545, 440, 700)) < 0.25
-    between = np.abs(np.diff(glass(np.array([600.0, 650.0]))[:, 1]))[0] / 10
-    assert found.off_reference(620e-9) + between == pytest.approx(abs(glass(np.array([620.0]))[0, 1]), abs=0.1)
-    assert found.off_reference(None) == 0
 
 
 @pytest.mark.parametrize("share", [(0.7, 0.0), (0.5, 0.3), (0.3, 0.1)])

@@ -1,9 +1,7 @@
-"""Every step of every camera on the simulated bench: its frames, its fit against the hidden faults, its file, its use.
+"""Every step of every camera on the simulated bench: its frames, its fit against the hidden faults, its use.
 
 A new step or camera is tested here by a row of ``TRUTHS`` and a bench.
 """
-
-from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -16,7 +14,7 @@ from tmca.errors import DataError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.calibration.apply import calibrated, check_fits
 from tmca.lab.calibration.capturing import capture_step, shots_of
-from tmca.lab.calibration.file import Calibration, load_calibration
+from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.parts import KINDS, kind_of
 from tmca.lab.calibration.psf import MODES
@@ -117,14 +115,14 @@ def test_a_step_has_its_frames(benches, kind, name):
 
 
 @each_step
-def test_a_fit_states_residuals_within_their_limits(benches, kind, name):
+def test_a_fit_leaves_what_is_usual(benches, kind, name):
     bench = benches(kind)
     parts = part_names(bench, name)
     assert parts
     for part in parts:
         about = bench.calibration.about["steps"][part]
-        assert about["residuals"]["quality"] <= 1
-        assert set(STEPS[name].limits) <= set(about["residuals"]) or part.startswith("psf")
+        assert part.startswith("psf") or not about["residuals"][STEPS[name].residual] > STEPS[name].usual
+        assert about["residuals"].get("quality", 0) <= 1
         assert about["sources"][0]["path"].startswith(str(bench.folder))
         assert about["measured"]
 
@@ -189,21 +187,6 @@ def test_a_fit_finds_what_the_bench_hides(benches, kind, name):
     bench = benches(kind)
     for part in part_names(bench, name):
         TRUTHS[name](bench, bench.calibration.part(part))
-
-
-@each_step
-def test_a_part_comes_back_from_its_file(benches, tmp_path, kind, name):
-    bench = benches(kind)
-    parts = part_names(bench, name)
-    back = load_calibration(bench.calibration.only(*parts).save(tmp_path / "one").path)
-    assert set(back.parts) == set(parts)
-    for part in parts:
-        written, read = bench.calibration.part(part), back.part(part)
-        for field in fields(written):
-            np.testing.assert_array_equal(getattr(read, field.name), getattr(written, field.name))
-        assert (
-            back.about["steps"][part]["residuals"].keys() == bench.calibration.about["steps"][part]["residuals"].keys()
-        )
 
 
 @each_step

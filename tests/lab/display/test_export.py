@@ -13,7 +13,7 @@ from tmca.decoders import find_weights
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.display.codes import peak, read_planes
 from tmca.lab.display.devices import PRESETS, device_named, grey_of, light_of
-from tmca.lab.display.export import FastFrames, export_codes
+from tmca.lab.display.export import export_codes
 from tmca.lab.display.manifest import check_export, read_export
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
@@ -312,16 +312,6 @@ def test_responses_that_do_not_rise_are_refused(tmp_path, lines):
     (tmp_path / "lut.csv").write_text(lines)
     with pytest.raises(DataError, match=r"lut.csv"):
         light_of(np.zeros(2, np.uint8), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv")))
-
-
-@pytest.mark.parametrize(("exposure", "rate"), [(3 / 501, 501), (3 / 499, None)])
-@pytest.mark.parametrize("device", ["emulated-shutter", "coded-exposure"])
-def test_a_frame_rate_that_ordinary_cameras_lack_is_told(tmp_path, recwarn, device, exposure, rate):
-    codes = read_planes(snapshot(tmp_path, spectral()))
-    export_codes(codes, [device_named(device)], tmp_path / "out", exposure=exposure)
-    said = [str(one.message) for one in recwarn if one.category is FastFrames]
-    assert bool(said) == (rate is not None and device == "emulated-shutter")
-    assert not said or "3 frames of 2 ms, 501 a second" in said[0]
 
 
 def test_the_codes_that_come_with_the_package_are_exported_by_name(tmp_path):

@@ -14,7 +14,6 @@ from tmca.decoders import decode
 from tmca.errors import DataError, SettingError
 from tmca.lab.importing import dark_noise, import_capture
 from tmca.lab.prototype import load_prototype
-from tmca.lab.quality import Doubtful
 
 
 @pytest.fixture
@@ -84,26 +83,12 @@ def noisy(bench, seed=0):
     return values + 0.002 * np.random.default_rng(seed).standard_normal(values.shape)
 
 
-DOUBTFUL = {
-    "no light": (lambda values: np.random.default_rng(2).normal(0.1, 0.002, values.shape), "noise over light"),
-    "negated": (lambda values: 0.2 - values, "median below black"),
-    "below black": (lambda values: values - 0.5, "median below black"),
-    "12-bit numbers": (lambda values: np.round(4095 * values), "bright over white"),
-}
 BAD = {
     "zeros": lambda values: 0 * values,
     "saturated": lambda values: values.clip(max=np.quantile(values, 0.4)),
     "complex": lambda values: values + 0.01j,
     "clipped black": lambda values: np.where(np.arange(49) < 20, 0.1, values),
 }
-
-
-@pytest.mark.parametrize("fault", DOUBTFUL)
-def test_captures_that_show_nothing_or_are_in_other_numbers_are_doubted(bench, tmp_path, fault):
-    change, said = DOUBTFUL[fault]
-    bad = write_mat(tmp_path / "bad.mat", y=change(noisy(bench)))
-    with pytest.warns(Doubtful, match=said):
-        import_capture(bad, bench[1], bench[0] / "mask.mat")
 
 
 @pytest.mark.parametrize("fault", BAD)
@@ -119,35 +104,6 @@ def test_a_complex_array_is_refused_whatever_its_file(bench, tmp_path):
     plain = bench[1].model_copy(update={"capture_key": "c"})
     with pytest.raises(DataError, match="of type complex128, expected real numbers"):
         import_capture(tmp_path / "c.npy", plain, bench[0] / "mask.mat")
-
-
-GOOD = {
-    "a highlight": lambda values: np.where(np.indices(values.shape).sum(0) < 4, 20.0, values),
-    "a small bright thing": lambda values: np.where(np.indices(values.shape).sum(0) < 10, values, 0.1 + values % 0.002),
-    "a bright half": lambda values: values.clip(max=np.quantile(values, 0.6)),
-}
-
-
-@pytest.mark.parametrize("kind", GOOD)
-def test_highlights_small_things_and_some_saturation_are_no_faults(bench, tmp_path, kind, recwarn):
-    values = GOOD[kind](noisy(bench))
-    good = write_mat(tmp_path / "good.mat", y=values)
-    taken = import_capture(good, bench[1], bench[0] / "mask.mat")
-    np.testing.assert_allclose(taken.values[0, 0], (values - 0.1) * taken.notes["gain"], rtol=1e-4, atol=1e-5)
-    assert not [one for one in recwarn if one.category is Doubtful]
-
-
-def test_codes_in_front_of_a_bright_scene_are_no_darkness(tmp_path):
-    codes = np.random.default_rng(0).integers(2, size=(40, 43))
-    shutter = np.stack([codes, 1 - codes], axis=-1).astype(np.uint8)
-    values = codes + 0.01 * np.random.default_rng(1).standard_normal(codes.shape)
-    file = write_mat(tmp_path / "c.mat", a=values, s=shutter)
-    described = {
-        "kind": "pixel-shutter", "device": "paper", "captures": {"one": {"capture_key": "a", "shutter_key": "s"}},
-    }  # fmt: skip
-    (tmp_path / "p.yaml").write_text(yaml.safe_dump(described))
-    taken = import_capture(file, load_prototype(tmp_path / "p.yaml"), name="one")
-    np.testing.assert_allclose(taken.values[0, 0], values, atol=1e-6)
 
 
 @pytest.mark.parametrize("noise", [np.nan, np.inf, -0.1])

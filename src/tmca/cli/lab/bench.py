@@ -4,82 +4,112 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any
 
+from cyclopts import Group, Parameter
+
+from tmca.cli.cameras import Faults
 from tmca.cli.lab.export import named_export
+from tmca.cli.options.numbers import MaybeWhole
 from tmca.errors import SettingError
+from tmca.specs import Hardware
 
-if TYPE_CHECKING:
-    from tmca.cameras import Hardware
+SIMULATED = Parameter(group=Group("Simulated bench", sort_key=1))
 
 
+@Parameter(name="*")
 @dataclass(frozen=True)
-class AskedBench:
-    """A bench as it was asked for.
+class BenchOptions:
+    """A bench as it is asked for."""
 
-    Args:
-        device: ``simulated``, or the name of a driver.
-        settings: NAME=VALUE of a driver.
-        bits, seed, stops_after, hardware: of the simulated one.
-        scene: before it; none where it is lit by a lamp.
-        timeout: seconds that a driver has for an answer.
-
-    Raises:
-        SettingError: options of the other kind of bench.
-    """
-
-    device: str
-    settings: list[str]
-    bits: int | None
-    seed: int | None
-    stops_after: int | None
-    hardware: Hardware
-    scene: str | None = None
+    device: str = "simulated"
+    "simulated, or the name of a driver (entry points tmca.devices)."
+    like: Path | None = None
+    "Snapshot file whose camera this is; that of the export where it was made from a snapshot."
+    settings: Annotated[list[str] | None, Parameter(name="--set")] = None
+    "NAME=VALUE settings of a driver, which it gets as text."
     timeout: float | None = None
+    """Seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without, whichever is
+    longer."""
+    bits: Annotated[MaybeWhole, SIMULATED] = None
+    "Of the simulated bench's digital numbers, 16 without."
+    seed: Annotated[MaybeWhole, SIMULATED] = None
+    "Of its noise and faults, 0 without."
+    stops_after: Annotated[MaybeWhole, SIMULATED] = None
+    "Frames after which it does not answer any more."
+    hardware: Faults = None
 
-    def __post_init__(self) -> None:
-        if self.device == "simulated":
-            if self.timeout is not None:
-                expected = "none: the simulated bench computes as long as it takes"
-                raise SettingError("--timeout", f"{self.timeout:g}", expected)
-            if self.settings:
-                expected = "none: the simulated bench has options of its own"
-                raise SettingError("--set", self.settings[0], expected)
-            return
-        simulated = {"scene": self.scene, "bits": self.bits, "seed": self.seed, "stops_after": self.stops_after}
-        for name, value in (simulated | {"hardware": self.hardware.described() or None}).items():
-            if value is not None:
-                option = f"--{name.replace('_', '-')}"
-                raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
+    @property
+    def simulated(self) -> bool:
+        """Whether it is computed."""
+        return self.device == "simulated"
 
-    def bench(self, taken: Any, done: int, whole: bool) -> Any:
-        """The bench.
-
-        Args:
-            taken: snapshot of the camera.
-            done: frames that it took before.
-            whole: whether its frames are whole exposures, or slots.
-        """
-        from tmca.lab.acquisition.drivers import find_device
-
-        if self.device != "simulated":
-            return find_device(self.device, **_driver_settings(self.settings))
-        made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.hardware}
-        made |= {"stops_after": self.stops_after, "taken": done, "whole": whole}
-        scene = [] if self.scene is None else _scene(self.scene, taken)
-        return find_device("simulated", camera=taken.camera, scene=scene, **made)
+    @property
+    def faults(self) -> Hardware:
+        """Of the simulated bench."""
+        return Hardware.read(self.hardware)
 
     @property
     def _bits(self) -> int:
         return 16 if self.bits is None else self.bits
 
-    def said(self) -> dict[str, Any]:
+    def check(self, scene: str | None = None) -> None:
+        """Raises SettingError for options of the other kind of bench; ``scene`` is what stands before it."""
+        if self.simulated:
+            for option, value in (("--timeout", self.timeout), ("--set", self.settings)):
+                if value is not None:
+                    raise SettingError(option, str(value), "none: the simulated bench has options of its own")
+            return
+        own = ("bits", "seed", "stops_after", "hardware")
+        for name, value in {"scene": scene, **{name: getattr(self, name) for name in own}}.items():
+            if value is not None:
+                option = f"--{name.replace('_', '-')}"
+                raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
+
+    def bench(self, taken: Any, whole: bool, scene: str | None = None) -> Any:
+        """The bench.
+
+        Args:
+            taken: snapshot of the camera.
+            whole: whether its frames are whole exposures, or slots.
+            scene: before the simulated one; none where it is lit by a lamp.
+        """
+        from tmca.lab.acquisition.drivers import find_device
+
+        if not self.simulated:
+            return find_device(self.device, **_driver_settings(self.settings or []))
+        made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.faults}
+        made |= {"stops_after": self.stops_after, "whole": whole}
+        before = [] if scene is None else _scene(scene, taken)
+        return find_device("simulated", camera=taken.camera, scene=before, **made)
+
+    def said(self, scene: str | None = None) -> dict[str, Any]:
         """What frames depend on, as JSON values."""
-        about: dict[str, Any] = {"driver": self.device, "settings": self.settings}
-        if self.device == "simulated":
-            about |= {"scene": self.scene, "bits": self._bits, "seed": self.seed or 0}
-            about |= {"hardware": self.hardware.described()}
+        about: dict[str, Any] = {"driver": self.device, "settings": self.settings or []}
+        if self.simulated:
+            about |= {"scene": scene, "bits": self._bits, "seed": self.seed or 0}
+            about |= {"hardware": self.faults.described()}
         return about
+
+    def known(self, export: Path) -> Any:
+        """The snapshot whose camera is known.
+
+        Raises:
+            SettingError: none is named, and the export was made from codes alone, or from a file that is gone.
+        """
+        from tmca.cameras import Snapshot
+        from tmca.data import read_dataset
+        from tmca.lab.display.manifest import SOURCE_AT
+
+        if self.like is not None:
+            return Snapshot.load(self.like)
+        manifest = named_export(export)
+        source = Path(manifest.get(SOURCE_AT, manifest["source"]))
+        stored = source.suffix in (".nc", ".h5") and source.is_file()
+        if not stored or "snapshot" not in read_dataset(source):
+            found = f"an export of {source}, which {'says codes alone' if source.exists() else 'is not found'}"
+            raise SettingError("--like", found, "the snapshot file of its camera", "write one with `tmca simulate`")
+        return Snapshot.load(source)
 
 
 def _driver_settings(texts: list[str]) -> dict[str, str]:
@@ -95,30 +125,6 @@ def _driver_settings(texts: list[str]) -> dict[str, str]:
             raise SettingError("--set", repr(text), "NAME=VALUE, every name once")
         settings[name.strip()] = value.strip()
     return settings
-
-
-def known_camera(export: Path, like: Path | None) -> Any:
-    """The snapshot whose camera is known."""
-    from tmca.cameras import Snapshot
-    from tmca.lab.display.manifest import SOURCE_AT
-
-    if like is not None:
-        return Snapshot.load(like)
-    manifest = named_export(export)
-    source = Path(manifest.get(SOURCE_AT, manifest["source"]))
-    if not source.exists():
-        found = f"an export of {source}, which is not found"
-        raise SettingError("--like", found, "the snapshot file of its camera", "name it where it is now")
-    if not (source.suffix in (".nc", ".h5") and source.is_file() and _is_snapshot(source)):
-        found = f"an export of {source}, which says codes alone"
-        raise SettingError("--like", found, "a snapshot file of its camera", "write one with `tmca simulate`")
-    return Snapshot.load(source)
-
-
-def _is_snapshot(source: Path) -> bool:
-    from tmca.data import read_dataset
-
-    return "snapshot" in read_dataset(source)
 
 
 def _scene(name: str, taken: Any) -> list[Any]:

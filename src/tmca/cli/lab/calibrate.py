@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json as json_module
 from pathlib import Path
 from typing import Literal
 
@@ -27,18 +28,41 @@ app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
 )
 app.command(
-    "tmca.cli.lab.calibrate_capture:measured",
+    "tmca.cli.lab.calibrate_steps:measured_all",
     name="all",
     help="Every step whose frames are in a folder, in order.",
 )
 
 
+_GUIDE = """A calibration is measured step by step; each writes a new dated file and builds on the one named by --onto.
+NAME stands for your camera; --onto NAME takes the newest file NAME_….nc.
+
+  on a bench with a driver (docs/devices.md), or on the simulated one
+       tmca calibrate capture all patterns --out bench               frames of every step; patterns: tmca export
+       tmca calibrate all bench --out NAME                           every step below
+
+  from captures of other software; all cameras
+    0  tmca calibrate patterns shown --device 64x80                  what to show on the mask
+    1  tmca calibrate dark dark --out NAME                           lens covered, 16 frames
+    2  tmca calibrate flat flat --white white --onto NAME            even light; then white, everything held open
+    3  tmca calibrate linearity linearity --onto NAME                even light, 6 exposures or more, 2 frames each
+  spectral and light-field cameras
+    4  tmca calibrate registration registration --patterns shown --wavelength 550 --onto NAME
+    5  tmca calibrate timing timing --onto NAME                      one slot of aperture and shutter open each
+    6  tmca calibrate dispersion dispersion --patterns shown --power source.csv --onto NAME
+       tmca calibrate shear shear --patterns shown --onto NAME       pattern 3, by wavelengths; or one view open each
+  spectral-depth camera
+    4  tmca calibrate psf psf0 --slot 0 --snapshot snapshot.nc --onto NAME
+
+  then tmca calibrate show NAME, and tmca reconstruct snapshot.nc --calibration NAME
+
+Without a bench: tmca calibrate render bench writes all these captures. Details: docs/calibration.md"""
+
+
 @app.default
 def guide() -> None:
     """Print the order of the steps, and what to capture for each."""
-    from tmca.cli.lab.calibrate_words import GUIDE
-
-    print(GUIDE)
+    print(_GUIDE)
 
 
 @app.command
@@ -83,12 +107,13 @@ def render(
         seed: of the truth, the codes and the noise.
         overwrite: replace the folder if it exists.
     """
+    from tmca.cli.studies import study_module
     from tmca.data import check_target
-    from tmca.lab.calibration.rendered_bench import write_bench
 
     check_target(folder, overwrite)
     asked = parsed_size(size) or (64, 80)
-    write_bench(folder, camera=camera, size=asked, slots=slots, snr_db=snr, seed=seed, overwrite=overwrite)
+    rendered = study_module("rendered_bench")
+    rendered.write_bench(folder, camera=camera, size=asked, slots=slots, snr_db=snr, seed=seed, overwrite=overwrite)
     print(f"{folder}: {', '.join(sorted(entry.name for entry in folder.iterdir()))}")
 
 
@@ -100,10 +125,20 @@ def show(calibration: Path, /, *, json: bool = False) -> None:
         calibration: file, or its name without the date for the newest.
         json: print JSON instead of text.
     """
-    from tmca.cli.lab.calibrate_words import said_all
+    from tmca.cli.lab.calibrate_steps import say_residuals
     from tmca.lab.calibration.file import load_calibration
 
-    said_all(load_calibration(calibration), json)
+    found = load_calibration(calibration)
+    about = found.about
+    if json:
+        print(json_module.dumps({"calibration": str(found.path), **about}, indent=1))
+        return
+    camera = about["camera"]
+    sizes = [f"{what} {'×'.join(map(str, camera[what]))}" for what in ("sensor", "codes") if camera[what]]
+    print(f"{found.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}")
+    for name, step in about["steps"].items():
+        print(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
+        say_residuals(step["residuals"])
 
 
 @app.command
@@ -128,10 +163,9 @@ def proof(
         overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.lab.calibrate_words import said_proof
     from tmca.cli.options.output import check_figure, check_targets
     from tmca.cli.studies import study_module
-    from tmca.data import write_json
+    from tmca.data import plain, write_json
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
@@ -142,4 +176,4 @@ def proof(
         write_json(results.stated(), out, overwrite=overwrite)
     if figure is not None:
         save_figure(proofs.reconstructions_figure(results), figure, overwrite=overwrite)
-    said_proof(results.stated(), json)
+    print(json_module.dumps(plain(results.stated()), indent=1) if json else proofs.table_of(results.stated()))

@@ -1,15 +1,103 @@
-"""``tmca calibrate dark|flat|…|psf``: a step, from its captures to a new dated file."""
+"""``tmca calibrate dark|flat|…|psf|all``: from the captures of steps to new dated files."""
 
 from __future__ import annotations
 
+import json as json_module
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from tmca.cli.lab.calibrate_words import CalibrationOptions, finished, started
-from tmca.cli.options.numbers import Whole
-from tmca.errors import SettingError
+from cyclopts import Group, Parameter
+
+from tmca.cli.options.numbers import On, Whole, size
+
+if TYPE_CHECKING:
+    from tmca.lab.calibration.file import Calibration
+
+_OUTPUT = Group("Calibration", sort_key=3)
+Curve = Literal["cauchy", "polynomial", "measured"]
+
+
+@Parameter(name="*", group=_OUTPUT)
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What a step builds on, and where it writes."""
+
+    onto: Path | None = None
+    "Calibration to build on: a file, or its name without the date for the newest."
+    out: Path | None = None
+    "Name of the new files, to which the date is added; that of --onto without it."
+    camera: str | None = None
+    "Name of the camera, kept in the file; that of --onto, or of --out, without it."
+    saturation: float | None = None
+    "Value from which on a pixel is saturated; an integer type's maximum without it."
+    figures: On = True
+    "Write a picture beside the file."
+    json: Annotated[bool, Parameter(negative="")] = False
+    "Print JSON instead of text."
+
+    @property
+    def prefix(self) -> Path:
+        """What the new files are called before their date."""
+        return self.out or self.onto or Path("calibration")
+
+    def started(self) -> Calibration:
+        """The calibration that a step builds on.
+
+        Raises:
+            DataError: that is none, or of a camera of another name.
+        """
+        from tmca.data import check_target
+        from tmca.errors import DataError
+        from tmca.lab.calibration.file import Calibration, load_calibration
+
+        check_target(self.prefix.with_name(f"{self.prefix.name}_date.nc"), overwrite=True)
+        if self.onto is None:
+            return Calibration.empty(self.camera or self.prefix.name)
+        calibration = load_calibration(self.onto)
+        name = calibration.about["camera"]["name"]
+        if self.camera is not None and self.camera != name:
+            remedy = "build on a calibration of this camera, or start a new one without --onto"
+            raise DataError(calibration.where, f"a calibration of camera {name}", f"one of {self.camera}", remedy)
+        return calibration
+
+    def finished(self, calibration: Calibration, part: str) -> None:
+        """Save, draw and say what a step measured."""
+        from tmca.data import plain
+        from tmca.lab.calibration.steps import part_figure
+        from tmca.plots.style import save_figure
+
+        saved = calibration.save(self.prefix)
+        if self.figures and saved.path is not None:
+            save_figure(part_figure(saved, part, saved.path.stem), saved.path.with_suffix(".png"))
+        residuals = saved.about["steps"][part]["residuals"]
+        if self.json:
+            print(json_module.dumps({"calibration": str(saved.path), "step": part, **plain(residuals)}, indent=1))
+            return
+        print(f"{saved.path}: {part}")
+        say_residuals(residuals)
+
 
 _USUAL = CalibrationOptions()
+
+
+def say_residuals(residuals: Mapping[str, Any]) -> None:
+    """A line for each."""
+    for name, value in residuals.items():
+        shown = "not known" if value is None or value != value else f"{value:.5g}"
+        print(f"  {name.replace('_', ' '):<32} {shown}")
+
+
+def _metres(wavelength: float | None) -> float | None:
+    """Of a wavelength in nm."""
+    from tmca.data import nm_to_metres
+    from tmca.errors import check_range
+
+    if wavelength is None:
+        return None
+    check_range("--wavelength", wavelength, 100, 20000, unit="nm")
+    return float(nm_to_metres(wavelength))
 
 
 def _measured(step: str, captures: Path, how: CalibrationOptions, part: str = "", **given: Any) -> None:
@@ -17,7 +105,41 @@ def _measured(step: str, captures: Path, how: CalibrationOptions, part: str = ""
     from tmca.lab.calibration.steps import measure
 
     asked = StepSettings(saturation=how.saturation, **given)
-    finished(measure(step, started(how), captures, asked), part or step, how)
+    how.finished(measure(step, how.started(), captures, asked), part or step)
+
+
+def measured_all(
+    folder: Path,
+    /,
+    *,
+    wavelength: float | None = None,
+    reflectance: float | None = None,
+    power: Path | None = None,
+    curve: Curve = "cauchy",
+    scale: float = 1.0,
+    snapshot: Path | None = None,
+    how: CalibrationOptions = _USUAL,
+) -> None:
+    """Measure every step whose frames are in FOLDER, in their order: what capture and render write.
+
+    Args:
+        folder: with folders dark, flat, white, linearity, registration, timing, dispersion, shear, psf0 …, patterns.
+        wavelength: of the registration, nm; what capture took says it.
+        reflectance: of the white reference; what capture took says it, else 1.
+        power: text file of the source: wavelength in nm, power; FOLDER/source.csv where it is there.
+        curve: of the dispersion: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured).
+        scale: sensor pixels per mask pixel, to 6 %.
+        snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
+    """
+    from tmca.lab.calibration.fits import StepSettings
+    from tmca.lab.calibration.steps import measure_all
+
+    given = StepSettings(
+        reflectance=reflectance, wavelength=_metres(wavelength), scale=scale, power=power, curve=curve,
+        camera=snapshot, saturation=how.saturation,
+    )  # fmt: skip
+    for step, calibration in measure_all(folder, how.started(), given):
+        how.finished(calibration, step)
 
 
 def dark(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
@@ -70,20 +192,10 @@ def registration(
         scale: sensor pixels per mask pixel, to 6 %.
         device: HEIGHTxWIDTH of the mask, refused if the patterns differ.
     """
-    from tmca.cli.options.numbers import size
-    from tmca.cli.options.output import warned
-    from tmca.data import nm_to_metres
-    from tmca.lab.calibration.captures import taken_with
-
-    if wavelength is not None and not 100 <= wavelength <= 20000:
-        raise SettingError("--wavelength", f"{wavelength:g}", "nanometres of light, 100 to 20000")
-    metres = None if wavelength is None else float(nm_to_metres(wavelength))
     codes = size(device, "--device")
-    _measured("registration", captures, how, patterns=patterns, wavelength=metres, scale=scale, device=codes)
-    if wavelength is None and "wavelength_nm" not in taken_with(captures):
-        warned(
-            "behind a disperser a registration needs --wavelength: `tmca reconstruct --calibration` refuses this one"
-        )
+    _measured(
+        "registration", captures, how, patterns=patterns, wavelength=_metres(wavelength), scale=scale, device=codes
+    )
 
 
 def dispersion(
@@ -93,7 +205,7 @@ def dispersion(
     patterns: Path,
     pattern: Whole = 3,
     power: Path | None = None,
-    curve: Literal["cauchy", "polynomial", "measured"] = "cauchy",
+    curve: Curve = "cauchy",
     order: Whole = 3,
     how: CalibrationOptions = _USUAL,
 ) -> None:

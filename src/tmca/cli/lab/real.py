@@ -66,17 +66,17 @@ def register(
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
-    from tmca.cli.options.numbers import pair
+    from tmca.cli.options.numbers import whole_numbers
     from tmca.data import read_array
     from tmca.errors import SettingError, check_choice
     from tmca.lab.importing import read_plane
     from tmca.lab.registering import shutter_place
 
     check_choice("--name", name, prototype.captures)
-    fixed = None if shift is None else pair(shift, "--shift")
-    if fixed is not None and not all(part.is_integer() for part in fixed):
+    fixed = None if shift is None else whole_numbers(shift, "--shift")
+    if fixed is not None and len(fixed) != 2:
         raise SettingError("--shift", repr(shift), "whole ROWS,COLUMNS")
-    whole = None if fixed is None else (int(fixed[0]), int(fixed[1]))
+    whole = None if fixed is None else (fixed[0], fixed[1])
     keys = prototype.captures[name]
     for file in captures:
         place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), fixed=whole)

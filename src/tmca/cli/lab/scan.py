@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+import json as json_module
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.numbers import Whole, whole
+from tmca.cli.options.numbers import Whole, whole, whole_numbers
 from tmca.cli.options.numbers import size as parsed_size
 from tmca.cli.options.output import check_figure, check_targets
+from tmca.errors import SettingError
+from tmca.specs.base import metres_of_nm
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tmca.lab.ground_truth.fringes import FringePlan
 
 app = App(
     name="scan", help="Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene."
 )
-for name, text in {
-    "spectra": "Reflectance of SCENE from a frame per wavelength of a tunable source, with its standard deviation.",
-    "compare": "Spectral angle between points of SPECTRA and what a spectrometer measured there.",
-    "join": "Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.",
-}.items():
-    app.command(f"tmca.cli.lab.scan_spectra:{name}", name=name, help=text)
+
+
+def _plan(projector: str, fringes: str, steps: int, across: Literal["x", "y"]) -> FringePlan:
+    """A plan from ``HEIGHTxWIDTH`` and ``1,4,16,64``."""
+    from tmca.lab.ground_truth.fringes import FringePlan
+
+    counts = whole_numbers(fringes, "--fringes")
+    return FringePlan(parsed_size(projector, "--projector") or (800, 1280), tuple(counts), steps, across)
 
 
 @app.command
@@ -43,11 +53,10 @@ def fringes(
         across: x for upright fringes (projector beside the camera), y for level ones (above it).
         overwrite: replace the folder if it exists.
     """
-    from tmca.cli.lab.scan_words import fringe_plan
     from tmca.lab.ground_truth.fringes import write_fringes
     from tmca.lab.ground_truth.phase import ladder
 
-    plan = fringe_plan(projector, fringes, steps, across)
+    plan = _plan(projector, fringes, steps, across)
     ladder(plan.fringes)
     write_fringes(plan, folder, overwrite=overwrite)
     print(f"{folder}: {len(plan.names)} frames, {plan.names[0]}.png … {plan.names[-1]}.png, and fringes.json")
@@ -90,7 +99,6 @@ def depth(
         overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.lab.scan_words import said_depth
     from tmca.data import read_depth_map, write_dataset
     from tmca.lab.ground_truth.depth import depth_error, depth_figure, measure_depth
     from tmca.lab.ground_truth.fringes import load_plan, read_capture
@@ -109,7 +117,7 @@ def depth(
     write_dataset(measured, out, overwrite=overwrite)
     if figure is not None:
         save_figure(depth_figure(measured, out.name), figure, overwrite=overwrite)
-    said_depth(measured, out, json, error)
+    _said_depth(measured, out, json, error)
 
 
 @app.command
@@ -137,12 +145,11 @@ def render(
         seed: of the noise.
         overwrite: replace the folder if it exists.
     """
-    from tmca.cli.lab.scan_words import fringe_plan
     from tmca.data import check_target
     from tmca.lab.ground_truth.rendered import write_bench
 
     check_target(folder, overwrite)
-    plan, camera = fringe_plan("800x1280", fringes, 4, "x"), parsed_size(size) or (96, 128)
+    plan, camera = _plan("800x1280", fringes, 4, "x"), parsed_size(size) or (96, 128)
     places = write_bench(
         folder, picture=picture, shape=shape, size=camera, plan=plan, snr_db=snr, seed=seed, overwrite=overwrite
     )
@@ -150,3 +157,201 @@ def render(
     print(
         f"{folder}: {len(plan.names)} captures of fringes, a scan, calibration.json, truth.nc; references at {points}"
     )
+
+
+@app.command
+def spectra(
+    scene: Path,
+    /,
+    *,
+    dark: Path,
+    white: Path,
+    out: Path,
+    wavelengths: str | None = None,
+    saturation: float | None = None,
+    white_reflectance: str = "1",
+    read_noise: float | None = None,
+    gain: float = 0.0,
+    figure: Path | None = None,
+    overwrite: bool = False,
+    json: bool = False,
+) -> None:
+    """Reflectance of SCENE from frames under each wavelength of a tunable source, with its standard deviation.
+
+    Args:
+        scene: folder of frames with the wavelength in their names (scene_450nm.png), or in order, or a stack; those
+            of one wavelength (scene_450nm_r1.png) are averaged.
+        dark: dark frames, averaged; or some per wavelength.
+        white: frames of a white reference, likewise.
+        out: NetCDF file to write.
+        wavelengths: asked for, in nm: FIRST:LAST:COUNT or a list; those of the names without it.
+        saturation: value from which on a pixel is saturated; an integer type's maximum without it.
+        white_reflectance: of the reference, a number or a text file of its spectrum.
+        read_noise: standard deviation of a frame, digital numbers; that of the dark frames without it.
+        gain: digital numbers per electron, for shot noise.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+        json: print JSON instead of text.
+    """
+    from tmca.data import write_dataset
+    from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
+    from tmca.plots.style import save_figure
+
+    check_figure(figure, overwrite)
+    check_targets([out], overwrite, scene)
+    asked = metres_of_nm(wavelengths)
+    scan = read_scan(scene, dark, white, wavelengths=asked, saturation=saturation)
+    rho = white_of(white_reflectance, scan.nm)
+    measured = measure_reflectance(scan, white_reflectance=rho, read_noise=read_noise, gain=gain)
+    write_dataset(measured, out, overwrite=overwrite)
+    if figure is not None:
+        save_figure(reflectance_figure(measured, out.name), figure, overwrite=overwrite)
+    _said_spectra(measured, out, json)
+
+
+@app.command
+def compare(
+    spectra: Path,
+    /,
+    *,
+    references: Path,
+    points: Annotated[list[str], Parameter(consume_multiple=True, negative="")],
+    box: Whole = 5,
+    bandwidth: float = 0.0,
+    filters: Path | None = None,
+    figure: Path | None = None,
+    overwrite: bool = False,
+    json: bool = False,
+) -> None:
+    """Spectral angle between points of SPECTRA and what a spectrometer measured there.
+
+    Args:
+        spectra: file of tmca scan spectra, or any cube.
+        references: text file: wavelength in nm, then a column for each reference.
+        points: NAME=ROW,COLUMN of each reference in the cube.
+        box: pixels along each side that are averaged.
+        bandwidth: full width at half maximum of the source in nm, by which the references are smoothed.
+        filters: text file of filter responses, through which both are seen too.
+        figure: write a picture of it (PNG).
+        overwrite: replace the picture if it exists.
+        json: print JSON instead of text.
+    """
+    from tmca.lab.ground_truth.join import open_cube
+    from tmca.lab.ground_truth.spectra import compare_spectra, comparison_figure, read_spectra
+    from tmca.plots.style import save_figure
+
+    check_figure(figure, overwrite, spectra)
+    responses = None if filters is None else read_spectra(filters)
+    compared = compare_spectra(
+        open_cube(spectra), read_spectra(references), _places(points), box=box, width_nm=bandwidth, filters=responses
+    )
+    if figure is not None:
+        save_figure(comparison_figure(compared), figure, overwrite=overwrite)
+    _said_comparison(compared, json)
+
+
+@app.command
+def join(
+    spectra: Path,
+    depth: Path,
+    /,
+    *,
+    out: Path,
+    wavelengths: str | None = None,
+    figure: Path | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
+
+    Args:
+        spectra: file of tmca scan spectra.
+        depth: file of tmca scan depth.
+        out: NetCDF file to write.
+        wavelengths: of the scene's bands, in nm, FIRST:LAST:COUNT or a list: a camera's; the scan's own without it.
+        figure: write a picture of it (PNG).
+        overwrite: replace files that exist.
+    """
+    from tmca.applications.file_pictures import picture_of
+    from tmca.data import write_dataset
+    from tmca.lab.ground_truth.join import DEPTH, SPECTRA, join_ground_truth, open_part
+
+    check_figure(figure, overwrite)
+    for source in (spectra, depth):
+        check_targets([out], overwrite, source)
+    parts = open_part(spectra, SPECTRA, "tmca scan spectra"), open_part(depth, DEPTH, "tmca scan depth")
+    scene = join_ground_truth(*parts, name=out.stem, wavelengths=metres_of_nm(wavelengths))
+    write_dataset(scene, out, overwrite=overwrite)
+    if figure is not None:
+        picture_of(out, figure, overwrite=overwrite)
+    unknown, about = scene["depth"].attrs["unknown_pixels"], scene.attrs
+    print(
+        f"{out}: {scene.sizes['wavelength']} bands, {scene.sizes['y']}×{scene.sizes['x']} pixels, {unknown} of unknown "
+        f"depth; {about['interpolated']} values interpolated, {about['clipped']} clipped"
+    )
+
+
+def _places(points: list[str]) -> dict[str, tuple[int, int]]:
+    """``NAME=ROW,COLUMN`` of each point."""
+    by_name = {}
+    for point in points:
+        name, _, place = point.rpartition("=")
+        try:
+            row, column = (int(part) for part in place.split(","))
+        except ValueError:
+            raise SettingError("--points", repr(point), "NAME=ROW,COLUMN, such as P1=28,38") from None
+        if name in by_name:
+            raise SettingError("--points", f"{name} twice", "each once", "name its references apart")
+        by_name[name] = (row, column)
+    return by_name
+
+
+def _said_depth(measured: xr.Dataset, out: Path, json: bool, error: dict[str, float] | None = None) -> None:
+    """How many pixels have a depth, from where to where, how certain, and why the others have none."""
+    import numpy as np
+
+    depth, why = measured["depth"].values, measured["confidence"].values
+    names = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
+    counts = {name: int((why == i).sum()) for i, name in enumerate(names)}
+    spread = float(np.nanmedian(measured["depth_std"].values))
+    about: dict[str, Any] = {"out": str(out), "near": float(np.nanmin(depth)), "far": float(np.nanmax(depth))}
+    about |= {"median_std": spread, "noise": float(measured.attrs["noise"]), "pixels": counts}
+    if json:
+        print(json_module.dumps(about | (error or {}), indent=1))
+        return
+    others = ", ".join(f"{count} {name}" for name, count in counts.items() if count and name != "known")
+    print(f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)")
+    print(f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""))
+    if error:
+        share = f"{error['rmse_percent']:.3g} % of its range; largest {1e3 * error['largest']:.3g} mm"
+        print(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
+
+
+def _said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
+    """Bands, size, uncertainty and what was left out."""
+    import numpy as np
+
+    nm, quality = measured["wavelength_nm"].values, measured["quality"].values
+    spread = float(np.nanmedian(measured["reflectance_std"].values))
+    saturated, dark = int((quality == 1).sum()), int((quality == 2).sum())
+    about = {"out": str(out), "bands": nm.size, "first_nm": float(nm[0]), "last_nm": float(nm[-1])}
+    if json:
+        print(json_module.dumps({**about, "median_std": spread, "saturated": saturated, "dark": dark}, indent=1))
+        return
+    size_text = f"{quality.shape[1]}×{quality.shape[2]} pixels"
+    print(f"{out}: {nm.size} bands, {nm[0]:g} to {nm[-1]:g} nm, {size_text}, standard deviation {spread:.2g} (median)")
+    print(f"  left out: {saturated} saturated and {dark} dark of {quality.size} values")
+
+
+def _said_comparison(compared: list[Any], json: bool) -> None:
+    """A line per point."""
+    rows = [one.row() for one in compared]
+    if json:
+        print(json_module.dumps(rows, indent=1))
+        return
+    print(f"{'point':<12} {'y,x':>9} {'bands':>6} {'SAM (°)':>8} {'RMSE':>8}")
+    for one in compared:
+        place = f"{one.place[0]},{one.place[1]}"
+        print(f"{one.name:<12} {place:>9} {one.nm.size:>6} {one.angle:>8.3f} {one.rmse:>8.4f}")
+        for name, (seen, true) in one.filters.items():
+            print(f"  through {name}: {seen:.4f}, spectrometer {true:.4f}")
+    print(f"{'mean':<12} {'':>9} {'':>6} {sum(one.angle for one in compared) / len(compared):>8.3f}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import wavelengths
-from tmca.data.formats.hdf5_heaps import endless_heap
+from tmca.data.formats.hdf5_structure import damaged_scales, lies_elsewhere, misleading
 from tmca.data.formats.limits import check_array
 from tmca.data.formats.stored import Contents, Stored, from_array, lazy, reads, whole_file
 from tmca.data.formats.wavelengths import give_wavelengths
@@ -36,6 +38,8 @@ _HEADERS: dict[tuple[int, int], Callable[[Any], tuple[tuple[int, ...], bool, np.
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
+_HEAD = 4096
+"""Bytes that may be asked for anywhere."""
 _DEEPEST, _MOST_DATASETS = 64, 100_000
 """Groups within groups, and datasets, of an HDF5 file that is looked into."""
 
@@ -113,10 +117,8 @@ def open_h5(path: Path, kind: str = LABELLED) -> Iterator[h5py.File]:
     import h5py
 
     with whole_file(path, kind):
-        if endless_heap(path):
-            raise DataError(
-                path, "a damaged heap of texts and references", f"a whole {kind}", "fetch or write it again"
-            )
+        if found := misleading(path):
+            raise DataError(path, found, f"a whole {kind}", "fetch or write it again")
         file = h5py.File(path, "r")
     with file:
         yield file
@@ -136,9 +138,10 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         check_store(path)
         options |= {"engine": "zarr", "consolidated": False}
     elif _is_classic(path):
+        _check_head(path)
         options |= {"engine": "scipy"}
     else:
-        _check_coordinates(path)
+        _check_labels(path)
         options |= {"engine": "h5netcdf", "phony_dims": "sort"}
     with whole_file(path, LABELLED):
         dataset = xarray.open_dataset(path, **options)
@@ -146,10 +149,51 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         yield dataset
 
 
-def _check_coordinates(path: Path) -> None:
-    """Coordinates are loaded when a file is opened: none may be larger than what may be loaded."""
+def _check_head(path: Path) -> None:
+    """Read the head of a classic NetCDF file once: it may ask for no more than the file holds."""
+    from scipy.io import netcdf_file
+
+    with whole_file(path, LABELLED), _Bounded(io.FileIO(path)) as file:
+        netcdf_file(file, mmap=True).close()
+
+
+class _Bounded(io.BufferedReader):
+    """A file that refuses to be asked for more than it holds: room would be made for all of it at once."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        """See `io.BufferedReader`."""
+        left = os.fstat(self.fileno()).st_size - self.tell()
+        if size is not None and size > max(left, _HEAD):
+            raise EOFError(f"{size} bytes are asked for, and {left} are left")
+        return super().read(size)
+
+
+@contextmanager
+def open_groups(path: Path, kind: str) -> Iterator[dict[str, xarray.Dataset]]:
+    """The groups of the first level of a NetCDF file (HDF5), lazily.
+
+    Raises:
+        DataError: not one, or damaged.
+    """
+    import xarray
+
+    _check_labels(path)
+    with whole_file(path, kind):
+        tree = xarray.open_datatree(path, engine="h5netcdf")
+    with tree:
+        with whole_file(path, kind):
+            groups = {str(name): group.to_dataset() for name, group in tree.children.items()}
+        yield groups
+
+
+def _check_labels(path: Path) -> None:
+    """Coordinates are loaded when a file is opened: none may be larger than what may be loaded, and what ties them to
+    the axes has to be whole."""
     with open_h5(path) as file, whole_file(path, LABELLED):
         for name, item in datasets_of(path, file).items():
+            if attribute := damaged_scales(item):
+                found = f"a damaged attribute {attribute} of {name}"
+                raise DataError(path, found, f"a whole {LABELLED}", "fetch or write it again")
             if len(item.shape or ()) == 1:
                 check_array(path, name, item.shape, item.dtype.itemsize)
 
@@ -196,7 +240,7 @@ def datasets_of(path: Path, file: h5py.File, kind: str = LABELLED) -> dict[str, 
     """Every dataset of an HDF5 file by its path.
 
     Raises:
-        DataError: damaged, or groups without end.
+        DataError: damaged, groups without end, or numbers that lie in another file.
     """
     import h5py
 
@@ -212,6 +256,10 @@ def datasets_of(path: Path, file: h5py.File, kind: str = LABELLED) -> dict[str, 
     if endless is not None:
         found = f"groups more than {_DEEPEST} deep, or more than {_MOST_DATASETS} datasets"
         raise DataError(path, found, "a file of arrays", "fetch it again, or save its cube alone")
+    with whole_file(path, kind):
+        elsewhere = lies_elsewhere(file, datasets)
+    if elsewhere:
+        raise DataError(path, f"{elsewhere} in another file", "all of it in this one", "copy the numbers into it")
     return datasets
 
 

@@ -17,7 +17,6 @@ _ALWAYS = 256 * 2**20
 _DENSEST = 1000
 """Compressed files do not hold more bytes of numbers than this per byte; what is below `_ALWAYS` passes anyway."""
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
-_LONGEST_TEXT = 64 * 2**20
 
 
 def stated_limit() -> int | None:
@@ -92,22 +91,3 @@ def _words(count: int) -> str:
         size /= 1000
         del units[0]
     return f"{size:.3g} {units[0]}"
-
-
-def read_text(path: Path, kind: str, remedy: str = "fetch or write it again") -> str:
-    """A text file (UTF-8) of at most 64 MB.
-
-    Raises:
-        DataError: missing, unreadable, larger, or no text.
-    """
-    try:
-        if (size := path.stat().st_size) > _LONGEST_TEXT:
-            raise DataError(path, f"{_words(size)}", f"a {kind} of at most {_words(_LONGEST_TEXT)}", remedy)
-        return path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise DataError(path, "no such file", f"a {kind}", "check the path") from None
-    except OSError as error:
-        found = f"a file that cannot be read ({error.strerror})"
-        raise DataError(path, found, f"a {kind}", "check its permissions") from None
-    except UnicodeDecodeError as error:
-        raise DataError(path, f"an unreadable {kind}: no text in UTF-8 ({error.reason})", f"a {kind}", remedy) from None

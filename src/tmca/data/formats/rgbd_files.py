@@ -12,8 +12,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from tmca.attributes import Attributes, attributes_of, read_json
-from tmca.data.formats.limits import read_text
 from tmca.errors import DataError
+from tmca.text_files import read_text
 
 MIDDLEBURY_2005, MIDDLEBURY_2014, SKIMAGE = "Middlebury 2005", "Middlebury 2014", "Middlebury 2014 of scikit-image"
 NYUV2, OPEN3D = "NYU Depth v2", "Open3D"
@@ -213,7 +213,7 @@ def middlebury_2014(path: Path) -> Stereo:
     Raises:
         DataError: unreadable, or one of the three is missing or no number.
     """
-    text = read_text(path, "calib.txt of Middlebury 2014")
+    text = read_text(path, "a calib.txt of Middlebury 2014")
     entries = dict(re.findall(r"^\s*(\w+)\s*=\s*(.+?)\s*$", text, re.MULTILINE))
     wanted = {"cam0": r"\[\s*([-+.\deE]+)", "baseline": r"([-+.\deE]+)", "doffs": r"([-+.\deE]+)"}
     numbers = {key: _first_number(pattern, entries.get(key, "")) for key, pattern in wanted.items()}
@@ -231,7 +231,7 @@ def middlebury_2005(path: Path | None, height: int) -> Stereo:
     focal = MIDDLEBURY_2005_FOCAL_PX * height / MIDDLEBURY_2005_HEIGHT
     if path is None:
         return Stereo(focal, MIDDLEBURY_2005_BASELINE_M)
-    number = _first_number(r"^\s*([-+.\deE]+)\s*$", read_text(path, "dmin.txt of one number, px"))
+    number = _first_number(r"^\s*([-+.\deE]+)\s*$", read_text(path, "a dmin.txt of one number, px"))
     if number is None:
         raise DataError(path, "no number", "the smallest disparity in pixels")
     return Stereo(focal, MIDDLEBURY_2005_BASELINE_M, number)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.images import PICTURES, open_picture, picture_size, read_picture, stack_pictures
-from tmca.data.formats.limits import read_text
 from tmca.data.formats.stored import Contents, Index, Stored, reads, whole_file
 from tmca.data.formats.view_names import Place, ViewFiles, find_views
 from tmca.data.pixels import wrong_size
 from tmca.errors import DataError, SettingError
+from tmca.text_files import read_text
 
 DIMS = ("view_v", "view_u", "y", "x")
 PARAMETERS = "parameters.cfg"
@@ -75,7 +75,7 @@ def read_parameters(path: Path) -> dict[str, float]:
         DataError: unreadable, without a needed key, or with an impossible number of views.
     """
     parser, numbers = ConfigParser(interpolation=None), dict[str, float]()
-    text = read_text(path, _CFG, _FETCH)
+    text = read_text(path, f"a {_CFG}", _FETCH)
     with whole_file(path, _CFG, _FETCH):
         parser.read_string(text)
     for section in parser.sections():

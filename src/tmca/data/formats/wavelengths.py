@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tmca.data.formats.limits import read_text
 from tmca.data.formats.stored import Contents, Stored
 from tmca.errors import DataError, SettingError, check_range
+from tmca.text_files import read_text
 
 NAMES = frozenset(
     {
@@ -109,7 +109,7 @@ def sidecar_paths(path: Path) -> list[Path]:
     return [path.with_name(f"{stem}.wavelengths.{kind}") for stem in stems for kind in ("txt", "csv")]
 
 
-_LIST = "list of wavelengths in nm, one per line"
+_LIST = "a list of wavelengths in nm, one per line"
 
 
 def read_sidecar(path: Path) -> NDArray[np.float64] | None:
@@ -129,7 +129,7 @@ def read_sidecar(path: Path) -> NDArray[np.float64] | None:
     try:
         nm = np.array([float(word) for word in words])
     except ValueError as error:
-        raise DataError(sidecar, str(error)[:120], f"a {_LIST}", "correct the line") from None
+        raise DataError(sidecar, str(error)[:120], _LIST, "correct the line") from None
     if nm.size == 0 or guess_unit(nm) != "nm":
         values = f"values from {nm.min():g} to {nm.max():g}" if nm.size else "no values"
         raise DataError(sidecar, values, "wavelengths in nm, one per line")

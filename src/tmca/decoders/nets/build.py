@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.overrides import TorchFunctionMode
 
 from tmca.arguments import described, reason
 from tmca.cameras import SpectralDepthCamera
@@ -49,10 +50,20 @@ def restore_network(kind: str, settings: Mapping[str, Any], weights: Mapping[str
     check_choice("decoder", kind, network)
     for name in ("blocks", "stages"):
         check_range(name, settings.get(name, 1), high=len(weights))
-    with torch.device("meta"):
+    with torch.device("meta"), _NoStart():
         restored = _built(network[kind], settings)
     restored.load_state_dict(dict(weights), assign=True)
     return restored
+
+
+class _NoStart(TorchFunctionMode):
+    """Within it weights get no first values, which takes longer than to read them."""
+
+    def __torch_function__(self, function: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        given = kwargs or {}
+        if getattr(function, "__module__", "") == "torch.nn.init":
+            return args[0] if args else given["tensor"]
+        return function(*args, **given)
 
 
 def _built(network: Any, given: Mapping[str, Any], **sizes: int) -> Any:

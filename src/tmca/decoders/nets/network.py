@@ -77,9 +77,10 @@ def silence(layer: nn.Conv2d) -> None:
 
 
 def code_maps(operator: TapOperator) -> Tensor:
-    """(1, L, H, W) code of every band as it weighs the scene, fractional taps summed."""
+    """(R, L, H, W) code of every bucket and band as it weighs the scene, fractional taps summed."""
     taps = operator.taps
-    return sum_by_channel(taps.code, taps.channels, taps.scene_channels)[None]
+    channels = taps.of_bucket(taps.channels)
+    return torch.stack([sum_by_channel(code, channels, taps.scene_channels) for code in taps.bucket_code])
 
 
 def local_level(start: Tensor) -> Tensor:

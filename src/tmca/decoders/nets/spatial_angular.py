@@ -130,6 +130,7 @@ class SpatialAngular(Network):
         width: channels that each block makes for each view.
         blocks: spatial-angular blocks of a body.
         gather: pixels gathered along each axis at the entrance.
+        buckets: R of a sensor pixel.
 
     Raises:
         SettingError: views that do not make up ``bands``, or sizes below 1.
@@ -148,6 +149,7 @@ class SpatialAngular(Network):
         width: int = 48,
         blocks: int = 4,
         gather: int = 4,
+        buckets: int = 1,
     ) -> None:
         super().__init__(settings_of(locals()))
         self.views = grid_of_views(bands, views)
@@ -156,7 +158,7 @@ class SpatialAngular(Network):
             found = f"{stages} stages, width {width}, {blocks} blocks, gather {gather}"
             raise SettingError("size", found, "no stage or more, all else at least 1")
         self.stages, self.codes = stages, stages > 0
-        inputs, count = (6, 1 if shared else stages) if stages else (1, 1)
+        inputs, count = (5 + buckets, 1 if shared else stages) if stages else (1, 1)
         bodies = [SpatialAngularBody(inputs, self.views, width, blocks, gather) for _ in range(count)]
         self.bodies = nn.ModuleList(bodies)
         if stages:
@@ -174,7 +176,7 @@ class SpatialAngular(Network):
             raise ShapeError("network", found, f"{start.shape[-1]}, as many as the views have")
         level = local_level(start)
         sigmas = noise_maps(noise, level)[:, :, None].expand(-1, -1, self.bands, -1, -1)
-        maps = (code_maps(operator).expand(start.shape), *sigmas.unbind(1))
+        maps = (*(code.expand(start.shape) for code in code_maps(operator)), *sigmas.unbind(1))
         floor, estimate = noise.variance(snapshot.detach()) / level.square(), start
         for stage in range(self.stages):
             change = data_step(snapshot, operator, estimate, floor / softplus(self.error[stage]).square())

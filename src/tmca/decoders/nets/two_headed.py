@@ -21,9 +21,9 @@ from tmca.decoders.likelihood import (
 from tmca.decoders.nets.network import LEVEL_REACH, RESIDUAL, local_level, noise_maps, settings_of
 from tmca.decoders.nets.unet import ConvolutionalBody
 from tmca.errors import SettingError, check_choice, check_shape
+from tmca.operators.window_moments import CONTAMINATION, WINDOW
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior
-from tmca.priors.spectral_depth import CONTAMINATION, WINDOW
 from tmca.sensor import Noise
 
 DEPTH_STARTS = ("snapshot", "likelihood")
@@ -206,8 +206,8 @@ def first_stage(likelihood: PatchLikelihood, snapshot: Tensor, progress: Progres
 def white_level(camera: SpectralDepthCamera) -> Tensor:
     """Mean level of a white scene behind filters and shutter, over pixels and channels, snapshot units."""
     colour, shutter = camera.tile()
-    light = shutter.mean(0) if camera.exposure == "equal" else shutter.sum(0)
-    return (colour.sum(1) * light).mean()
+    light = shutter.mean(-3) if camera.exposure == "equal" else shutter.sum(-3)
+    return (colour.sum(1) * light.mean(0) if light.ndim == 3 else colour.sum(1) * light).mean()
 
 
 def code_tiles(camera: SpectralDepthCamera) -> tuple[Tensor, Tensor]:
@@ -225,7 +225,8 @@ def _repeated(tile: Tensor, size: tuple[int, int]) -> Tensor:
 def camera_sizes(camera: SpectralDepthCamera) -> dict[str, int]:
     """What a network and a camera have to agree on."""
     return {
-        "bands": camera.bands, "planes": camera.planes.count, "channels": len(camera.response), "slots": camera.slots,
+        "bands": camera.bands, "planes": camera.planes.count, "channels": camera.snapshot_shape[0],
+        "slots": getattr(camera.shutter, "slots", camera.slots),
         "filters": len(camera.filters.filters),
     }  # fmt: skip
 

@@ -119,6 +119,7 @@ class UNet(Network):
         bands: L.
         start: first estimate, ``"adjoint"``, ``"dagger"``, ``"tikhonov"`` or ``"lmmse"``.
         codes: also give the code of every band to the network.
+        buckets: R of a sensor pixel, whose codes it is all given.
         noise_aware: also give the noise, and work on values relative to the local brightness.
         widths: channels of each level, finest first.
         blocks: residual blocks on each level.
@@ -137,10 +138,11 @@ class UNet(Network):
         widths: Sequence[int] = (64, 96, 128),
         blocks: int = 2,
         gather: int = 2,
+        buckets: int = 1,
     ) -> None:
         super().__init__(settings_of(locals()))
         self.codes, self.noise_aware, self.residual = codes, noise_aware, start != "adjoint"
-        inputs = bands * (1 + codes) + 2 * noise_aware
+        inputs = bands * (1 + codes * buckets) + 2 * noise_aware
         self.body = ConvolutionalBody(inputs, bands, tuple(widths), blocks, gather, silent=self.residual)
         self.reach, self.multiple = self.body.reach + LEVEL_REACH, self.body.multiple
 
@@ -149,7 +151,7 @@ class UNet(Network):
         level = local_level(start) if self.noise_aware else torch.ones_like(start[:, :1])
         seen = [start / level]
         if self.codes:
-            seen.append(code_maps(operator).expand(start.shape))
+            seen.append(code_maps(operator).flatten(0, 1).expand(len(start), -1, -1, -1))
         if self.noise_aware:
             seen.append(noise_maps(noise, level))
         estimate = (RESIDUAL if self.residual else 1.0) * level * self.body(torch.cat(seen, dim=1)).to(start.dtype)
@@ -170,6 +172,7 @@ class Unrolled(Network):
         widths: channels of each level of a proximal network, finest first.
         blocks: residual blocks on each level.
         gather: pixels gathered along each axis at the entrance.
+        buckets: R of a sensor pixel.
 
     Raises:
         SettingError: no stage.
@@ -187,11 +190,12 @@ class Unrolled(Network):
         widths: Sequence[int] = (48, 64),
         blocks: int = 2,
         gather: int = 2,
+        buckets: int = 1,
     ) -> None:
         super().__init__(settings_of(locals()))
         check_range("stages", stages, 1)
         self.shift = nn.Parameter(torch.full((stages,), _FIRST_SHIFT))
-        sizes, count = (3 * bands + 2, bands, tuple(widths), blocks, gather), 1 if shared else stages
+        sizes, count = ((2 + buckets) * bands + 2, bands, tuple(widths), blocks, gather), 1 if shared else stages
         proximal = [ConvolutionalBody(*sizes) for _ in range(count)]
         self.proximal = nn.ModuleList(proximal)
         self.reach, self.multiple = stages * proximal[0].reach + LEVEL_REACH, proximal[0].multiple
@@ -199,7 +203,8 @@ class Unrolled(Network):
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
         self.check(start)
         level = local_level(start)
-        given = (code_maps(operator).expand(start.shape), noise_maps(noise, level))
+        codes = code_maps(operator).flatten(0, 1).expand(len(start), -1, -1, -1)
+        given = (codes, noise_maps(noise, level))
         floor, estimate = noise.variance(snapshot.detach()), start
         for stage, shift in enumerate(softplus(self.shift)):
             change = data_step(snapshot, operator, estimate, shift + floor)

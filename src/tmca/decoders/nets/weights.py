@@ -11,7 +11,7 @@ from warnings import warn
 
 import numpy as np
 import torch
-from pydantic import Field, Json, JsonValue, field_validator
+from pydantic import Field, Json, JsonValue
 from pydantic_core import to_json
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
@@ -19,15 +19,15 @@ from torch import Tensor
 
 import tmca
 from tmca.arguments import reason
-from tmca.attributes import Attributes, FiniteJson, attributes_of, json_of
+from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_of
 from tmca.cameras import CAMERAS
-from tmca.cameras.stated import Pair, PhaseAttributes, check_frame, check_optics
-from tmca.codes.files import differing
+from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.optics import DepthPlanes, restored_maps
+from tmca.optics import DepthPlanes, PhaseAttributes, check_stated, restored_maps
 from tmca.priors import block_of, find_prior
+from tmca.stored_numbers import check_finite
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -182,6 +182,9 @@ class Weights:
         views, wanted = trained.scene_shape[:-2], camera.scene_shape[:-2]
         if views != wanted:
             raise ShapeError("weights", f"{'×'.join(map(str, views))} {camera.channel}s", f"the camera's {wanted}")
+        if trained.buckets != camera.buckets:
+            found = f"those of a sensor with buckets = {trained.buckets}"
+            raise SettingError("weights", found, f"the camera's {camera.buckets}", "train for this camera")
         for name in _OPTICS:
             one, other = getattr(trained, name, None), getattr(camera, name, None)
             if one != other:
@@ -253,7 +256,7 @@ class Weights:
         except (KeyError, ValueError, TypeError, RuntimeError, IndexError) as error:
             found = f"tensors that do not fit its network or camera ({reason(error)})"
             raise DataError(path, found, "whole weights") from error
-        check_frame(attributes_of(_Sized, variables.attrs, path).size, str(path))
+        attributes_of(_Sized, variables.attrs, path)
         return cls(restored.eval(), variables, about.prior, about.card, path)
 
     @classmethod
@@ -295,26 +298,19 @@ class _WeightsAttributes(Attributes):
     application: str = "spectral"
     wavelengths: tuple[float, ...] = ()
     camera: dict[str, FiniteJson]
-    prior: str
+    prior: Beside
+    """A file beside the weights, the prior of the rendered scenes, or none."""
     card: dict[str, JsonValue]
-
-    @field_validator("prior")
-    @classmethod
-    def _beside(cls, prior: str) -> str:
-        """The name of a file beside the weights, and no way to another folder."""
-        if prior != Path(prior).name or "\\" in prior or prior == "..":
-            raise ValueError("the name of a file beside the weights: copy it there")
-        return prior
 
 
 class _Sized(Attributes):
     """Of the camera of weights: the frame of its training."""
 
-    size: Json[Pair]
+    size: Json[Frame]
 
 
 class _Sized01(Attributes):
-    size: Pair
+    size: Frame
 
 
 class _Variable(Attributes):
@@ -346,9 +342,8 @@ def _read(path: str | Path) -> tuple[Path, _WeightsAttributes, dict[str, Tensor]
     if head.get("format") not in FORMATS or "tmca" not in head:
         raise DataError(path, "a safetensors file of something else", "weights from `tmca train`")
     for name, values in tensors.items():
-        if values.is_floating_point() and not bool(torch.isfinite(values.float()).all()):
-            found = f"tensor {name} with values that are not finite"
-            raise DataError(path, found, "finite numbers", "train again, or take an unchanged copy")
+        if values.is_floating_point():
+            check_finite(values.float().numpy(), path, f"tensor {name[:60]}", "train again, or take an unchanged copy")
     return path, json_of(head["tmca"], path, _WeightsAttributes), tensors
 
 
@@ -369,7 +364,7 @@ def _of_version_0_1(about: _WeightsAttributes, arrays: dict[str, np.ndarray], pa
     """The same of a file of version 0.1: arguments of the camera as JSON values, its codes as tensors."""
     kind, where = about.application, str(path)
     check_choice("camera", kind, _ARGUMENTS_0_1)
-    check_frame(attributes_of(_Sized01, about.camera, path).size, where)
+    attributes_of(_Sized01, about.camera, path)
     settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
     settings = _ARGUMENTS_0_1[kind]({**settings, **about.camera}, about, where)
     return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
@@ -383,7 +378,7 @@ def _masks_of_version_0_1(settings: dict[str, Any], about: _WeightsAttributes, w
     given.pop("stroke", None)
     family = {str(name): given.pop(name) for name in ("coefficients", "noll", "radii") if name in given}
     heights = given.pop("heights")
-    check_optics(stated, heights.shape, len(given["bands"]), where)
+    check_stated(stated, heights.shape, len(given["bands"]), where)
     given |= {"mask": restored_maps(heights, family, stated.stroke), "bench": stated.bench}
     return given | {"channels": given.pop("response"), "cells": given["cells"].long()}
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import atomic_path, checksum_of, make_folder, sole_process, tiff_bytes, write_json
+from tmca.attributes import Attributes, Beside, read_json
+from tmca.data import atomic_path, checksum_of, held_folder, make_folder, tiff_bytes, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
-from tmca.lab.frames import Frames, warn_of_copies
-from tmca.lab.notes import CAPTURES, read_json
-from tmca.lab.quality import Doubtful
+from tmca.lab.notes import CAPTURES
 
 DARK, WHOLE = "dark", "exposure"
 EXPORT, SHOWN = "export_sha256", "shown_sha256"
@@ -32,8 +30,6 @@ _DARKS = 4
 _UNDONE = re.compile(r"\..+\.[0-9a-f]{12}\.tmp|\.lock")
 """What a killed process leaves: folders of files that were not written to their end, and its lock."""
 _SATURATED = 0.5
-_SEEN = 3.0
-"""Standard deviations of the dark frame's mean by which a frame with light is above it."""
 _SAID = 4
 
 
@@ -111,12 +107,8 @@ def in_use(folder: Path) -> Iterator[None]:
     """
     if folder.exists() and not folder.is_dir():
         raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
-    try:
-        with sole_process(make_folder(folder), "a capture"):
-            yield
-    finally:
-        with suppress(OSError):  # frames hold it fast
-            folder.rmdir()
+    with held_folder(folder, "a capture"):
+        yield
 
 
 def keep(
@@ -140,6 +132,36 @@ def keep(
     write_json(record, folder / CAPTURES, overwrite=True)
 
 
+class _Frame(Attributes):
+    """What the list says of a frame."""
+
+    slot: int | None = None
+    of: str
+    sha256: str
+    taken: str | None = None
+    source: dict[str, str] | None = None
+
+
+class _Taken(Attributes, extra="allow"):
+    """What frames were taken with."""
+
+    gain: float
+    saturation: float
+    reflectance: float | None = None
+    wavelength_nm: float | None = None
+    pattern: int | None = None
+
+
+class _Record(Attributes):
+    """The list of captures."""
+
+    export: str
+    export_sha256: str
+    shown_sha256: str | None = None
+    taken_with: _Taken
+    frames: dict[Beside, _Frame]
+
+
 def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
     """What was captured, every frame as it was written.
 
@@ -150,35 +172,16 @@ def read_captures(folder: str | Path, whole: bool = True) -> dict[str, Any]:
     Raises:
         DataError: no capture, or a frame that is missing or changed.
     """
-    file = Path(folder) / CAPTURES
-    stated = read_json(file, "what `tmca capture` wrote", "capture it again")
-    try:
-        there = {name: a for name, a in stated["frames"].items() if whole or (Path(folder) / f"{name}.tif").exists()}
-        checksums = {name: (about["sha256"], about["of"])[0] for name, about in there.items()}
-        stated["export"], stated[EXPORT], stated["taken_with"]["gain"], stated["taken_with"]["saturation"]
-    except (KeyError, TypeError, AttributeError):
-        raise DataError(file, "no list of captures", "what `tmca capture` wrote", "capture it again") from None
-    for name, content in checksums.items():
+    record = read_json(Path(folder) / CAPTURES, _Record, "what `tmca capture` wrote").model_dump(exclude_unset=True)
+    for name, about in list(record["frames"].items()):
         frame = Path(folder) / f"{name}.tif"
-        if not frame.is_file():
-            raise DataError(frame, "no such file", f"the frame {name}", "run again what captured it")
-        if checksum_of(frame) != content:
+        if frame.is_file() and checksum_of(frame) != about["sha256"]:
             raise DataError(frame, "another content", "what was captured", _AGAIN)
-    return {**stated, "frames": there}
-
-
-def read_tif(file: Path) -> NDArray[np.integer]:
-    """A frame as it was kept.
-
-    Raises:
-        DataError: no picture.
-    """
-    import tifffile
-
-    try:
-        return np.asarray(tifffile.imread(file))
-    except (OSError, ValueError, tifffile.TiffFileError):
-        raise DataError(file, "no TIFF", "a frame of the capture", _AGAIN) from None
+        if not frame.is_file():
+            if whole:
+                raise DataError(frame, "no such file", f"the frame {name}", "run again what captured it")
+            del record["frames"][name]
+    return record
 
 
 def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...], saturation: float) -> None:
@@ -190,22 +193,6 @@ def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...],
     if (share := float((values >= saturation).mean())) > _SATURATED:
         remedy = "open the aperture of the lens less, or expose shorter"
         raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)
-
-
-def warn_of_frames(folder: Path, record: dict[str, Any]) -> None:
-    """Warn of frames that are copies, and of those without light."""
-    names, saturation = tuple(record["frames"]), float(record["taken_with"]["saturation"])
-    values = np.stack([read_tif(folder / f"{name}.tif") for name in names])
-    warn_of_copies(Frames(folder, names, values.astype(np.float32), values >= saturation))
-    dark = values[names.index(DARK)]
-    least = dark.mean() + _SEEN * dark.std() / np.sqrt(dark.size)
-    light = [(name, one) for name, one in zip(names, values, strict=True) if record["frames"][name]["of"] != DARK]
-    if unlit := [name for name, one in light if one.mean() <= least]:
-        line = f"{', '.join(unlit[:_SAID])} no brighter than the dark frame: check lamp, shutter and lens cap"
-        warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)
-    if (most := int(values.max())) <= saturation / 8:
-        line = f"no number above {most} where {saturation:g} is saturation: expose longer, or say it (--set saturation)"
-        warnings.warn(f"{folder}: {line}", Doubtful, stacklevel=2)
 
 
 def said_sources(folder: str | Path) -> str:

@@ -147,37 +147,23 @@ def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
             raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
 
 
-def units_of(device: Device, white: float) -> float:
-    """Snapshot units of a digital number: what the driver says, else those by which saturation is white.
+def number_of(device: Device, name: str, default: float | None = None) -> float:
+    """A number that a driver has.
 
     Args:
         device: the driver.
-        white: level of a white scene in one of its frames, snapshot units.
+        name: of its attribute.
+        default: where it has none.
 
     Raises:
-        DeviceError: none that is finite and above 0.
+        DeviceError: none, or one that is not finite and above 0.
     """
     with answering(device):
-        units = float(getattr(device, "snapshot_units_per_dn", white / saturation_of(device)))
-    if not 0 < units < inf:
-        said = f"snapshot_units_per_dn {units:g}"
-        raise DeviceError(f"device {type(device).__name__}", said, "a finite number above 0", "mend it")
-    return units
-
-
-def saturation_of(device: Device) -> float:
-    """Its digital number of saturation.
-
-    Raises:
-        DeviceError: none, or one that is not above 0.
-    """
-    with answering(device):
-        saturation = float(device.saturation)
-    if not 0 < saturation < inf:
-        raise DeviceError(
-            f"device {type(device).__name__}", f"saturation at {saturation:g}", "a number above 0", "mend it"
-        )
-    return saturation
+        number = float(getattr(device, name) if default is None else getattr(device, name, default))
+    if not 0 < number < inf:
+        where = f"device {type(device).__name__}"
+        raise DeviceError(where, f"{name} {number:g}", "a finite number above 0", "mend its driver")
+    return number
 
 
 @contextmanager

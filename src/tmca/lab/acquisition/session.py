@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from tmca.cameras import Camera, Snapshot
-from tmca.data import checksum_of
+from tmca.data import checksum_of, read_array
 from tmca.errors import DataError, DeviceError, SettingError, check_range
 from tmca.lab.acquisition.captures import (
     DARK,
@@ -26,11 +26,9 @@ from tmca.lab.acquisition.captures import (
     is_of,
     keep,
     read_captures,
-    read_tif,
     resumed,
-    warn_of_frames,
 )
-from tmca.lab.acquisition.drivers import Calls, Device, Named, Recorded, saturation_of, time_limit, units_of
+from tmca.lab.acquisition.drivers import Calls, Device, Named, Recorded, number_of, time_limit
 from tmca.lab.acquisition.simulated import SimulatedBench
 from tmca.lab.display.codes import Planes, planes_of, terms_of
 from tmca.lab.display.devices import DeviceDescription, step_of
@@ -57,24 +55,25 @@ def capture(
     bench: Mapping[str, Any] | None = None,
     timeout: float | None = None,
     progress: Progress | None = None,
+    finish: Callable[[], None] | None = None,
 ) -> Path:
     """Capture every frame of an export; what is there already stays, but of frames that are files.
 
     Writes ``dark.tif``, ``slot_NNN.tif`` or ``exposure.tif`` (16 bits), repeats as ``…_r1.tif`` and so on, and
-    ``captures.json`` with their checksums. Warns of copies, of frames without light and of too low numbers.
+    ``captures.json`` with their checksums.
 
     Args:
         export: its folder.
         device: the bench.
         out: folder of the capture; a capture that was stopped goes on there.
-        gain: snapshot units of a digital number, for files; None for those of the bench (``units_of``), which needs the
-            camera.
+        gain: snapshot units of a digital number, for files; None for those of the bench, which needs the camera.
         repeats: times that every frame is captured; more of them later add to those that are there.
         camera: as it is known; where it is given, other codes and frames of another size are refused at once.
         bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
         timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
             long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
         progress: told (frames done, all, name).
+        finish: called when all frames are there, while other processes are still kept out of the folder.
 
     Raises:
         DeviceError: the bench does not answer, not in time, or with something that is no frame; frames so far are kept.
@@ -91,8 +90,8 @@ def capture(
     wanted = frames_of(manifest, repeats)
     files: Mapping[str, Path] = {}
     with in_use(folder), calls_of(device, manifest, timeout) as calls:
-        saturation = calls.of(lambda: saturation_of(device))
-        units = calls.of(lambda: _units(device, camera, manifest)) if gain is None else gain
+        saturation = calls.of(lambda: number_of(device, "saturation"))
+        units = calls.of(lambda: _units(device, camera, manifest, saturation)) if gain is None else gain
         about = {"gain": units, "saturation": saturation, **(bench or {})}
         record = resumed(captured_so_far(folder, export), about, folder)
         calls.of(lambda: device.load(Export(Path(export), manifest)))
@@ -111,15 +110,17 @@ def capture(
                 keep(values, frame, record, folder, source)
             if progress:
                 progress(done + 1, len(wanted), frame.name)
-    if not isinstance(device, SimulatedBench):
-        warn_of_frames(folder, record)
+        if finish:
+            finish()
     return folder
 
 
-def _units(device: Device, camera: Camera | None, manifest: dict[str, Any]) -> float:
+def _units(device: Device, camera: Camera | None, manifest: dict[str, Any], saturation: float) -> float:
+    """Snapshot units of a digital number: what the driver says, else those by which saturation is white."""
     if camera is None:
         raise SettingError("gain", "None", "snapshot units of a digital number where no camera is known")
-    return units_of(device, camera.full_scale if exposed_whole(manifest) else camera.white)
+    white = camera.full_scale if exposed_whole(manifest) else camera.white
+    return number_of(device, "snapshot_units_per_dn", white / saturation)
 
 
 def calls_of(device: Device, manifest: dict[str, Any], timeout: float | None) -> Calls:
@@ -200,7 +201,7 @@ def _series(folder: Path, record: dict[str, Any], camera: Camera) -> dict[str, t
     """(R, C, H, W) digital numbers of every frame, with its repeats."""
     series: dict[str, list[torch.Tensor]] = {}
     for name, about in record["frames"].items():
-        values = read_tif(folder / f"{name}.tif").astype(np.float64)
+        values = read_array(folder / f"{name}.tif").astype(np.float64)
         values = values[None] if values.ndim == 2 else values
         check_size(folder / f"{name}.tif", "a frame", values.shape, camera.snapshot_shape)
         series.setdefault(about["of"], []).append(torch.from_numpy(values))

@@ -8,55 +8,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from tmca.cameras import Camera, Snapshot
-from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.dispersion import REGISTERED_AT
 from tmca.lab.calibration.file import Calibration, load_calibration
-from tmca.lab.calibration.measured_sensor import captured_sensor, from_digital_numbers, measured_sensor
 from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.devices import DeviceDescription
 from tmca.lab.display.placement import Affine
 from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, GAIN, WHITE, date_of_codes, now, parsed_date
-
-_SAME_LEAKAGE = 2e-3
-_SAME_WAVELENGTH = 1e-10
-"""Metres: below the steps in which the light of a registration is told."""
-
-
-def out_of_date(calibration: Calibration) -> DataError | None:
-    """A step that a registration which was measured since has put out of date: a timing that took what the mask leaks
-    for the shutter's, or a dispersion against another wavelength.
-
-    Displacements hold for a mask that lies elsewhere now, for they are those of the prism. Shear does not depend on the
-    registration: it is a difference between views.
-    """
-    registration = calibration.part("registration")
-    if registration is None:
-        return None
-    leaks = calibration.settings("timing").get("aperture_leakage")
-    if (
-        leaks is not None
-        and registration.leakage is not None
-        and abs(registration.closed_light - leaks) > _SAME_LEAKAGE
-    ):
-        found, expected = f"a timing for a mask that leaks {leaks:.2%}", f"one for {registration.closed_light:.2%}"
-        return _measure_again(calibration, "timing", found, f"{expected}, as the registration found since")
-    # files of before do not say against what they were measured, nor does a registration of unknown light
-    wave, now = calibration.settings("dispersion").get(REGISTERED_AT), registration.wavelength
-    if wave is not None and now is not None and abs(wave - now) > _SAME_WAVELENGTH:
-        found = f"a dispersion measured against a registration at {metres_to_nm(wave):.6g} nm"
-        return _measure_again(calibration, "dispersion", found, f"one against that at {metres_to_nm(now):.6g} nm")
-    return None
-
-
-def _measure_again(calibration: Calibration, step: str, found: str, expected: str) -> DataError:
-    remedy = f"measure the {step} again: tmca calibrate {step} … --onto it"
-    return DataError(calibration.where, found, expected, remedy)
-
+from tmca.sensor import Sensor
 
 RAW = "digital numbers"
 """Attribute ``values`` of a snapshot that is not yet relative irradiance."""
@@ -71,8 +35,7 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         notes: of a snapshot; ``camera_name`` and ``codes_date`` (ISO 8601) are checked where they are there.
 
     Raises:
-        DataError: another name, sensor, mask or kind of camera, a calibration before the date of the codes, or see
-            `tmca.lab.calibration.apply.check_order`.
+        DataError: another name, sensor, mask or kind of camera, or a calibration before the date of the codes.
     """
     about, said = calibration.about["camera"], notes or {}
     if about.get("name") and said.get("camera_name") and about["name"] != said["camera_name"]:
@@ -87,8 +50,6 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
     for what, size in sizes.items():
         if about.get(what):
             check_size(calibration.where, what, about[what], size, "name the calibration of this camera")
-    if old := out_of_date(calibration):
-        raise old
     stated, measured = said.get(CODES_DATE), calibration.codes_seen
     if stated is not None and measured is not None and measured < (date := parsed_date(stated)):
         found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
@@ -168,6 +129,78 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(path, "a snapshot in digital numbers", "relative irradiance", remedy)
     return taken
+
+
+def white_level(calibration: Calibration) -> float:
+    """Digital numbers above the dark of a white scene with everything open.
+
+    Raises:
+        DataError: dark or flat were not measured.
+    """
+    if calibration.part("dark") is None or calibration.part("flat") is None:
+        remedy = "measure both with tmca calibrate dark and flat"
+        raise DataError(calibration.where, "no dark and flat", "both, for a snapshot in digital numbers", remedy)
+    stated = calibration.settings("flat").get("white_level")
+    return float(stated or calibration.part("flat").level)
+
+
+def from_digital_numbers(
+    values: Tensor, calibration: Calibration, full_scale: float, *, above_dark: bool = False
+) -> Tensor:
+    """Relative irradiance of raw values (…, H, W): ``(raw - dark) / flat · full_scale / white level``.
+
+    Args:
+        values: digital numbers.
+        calibration: with dark and flat.
+        full_scale: of the camera.
+        above_dark: values are without a dark frame of their own already.
+
+    Raises:
+        DataError: see ``white_level``, or values of another size than the dark.
+    """
+    level = white_level(calibration)
+    check_size(calibration.where, "a dark", calibration.part("dark").mean.shape, values.shape[-2:])
+    raw = values.double().numpy() + (calibration.part("dark").mean if above_dark else 0)
+    shares = calibration.corrected(raw) / level
+    return torch.from_numpy(shares * full_scale).to(values)
+
+
+def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
+    """The camera's sensor with read noise and full well as they were measured.
+
+    Read noise needs dark and flat, the full well linearity too; else the nominal sensor stays.
+    """
+    dark, flat, linearity = (calibration.part(name) for name in ("dark", "flat", "linearity"))
+    if dark is None or flat is None:
+        return camera.sensor
+    level = white_level(calibration)
+    read = dark.noise * camera.full_scale / level
+    if linearity is None:
+        return Sensor(**{**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0})
+    # electrons of a white scene: there the sensor counts its full well
+    return Sensor(read_noise=read, full_well=linearity.gain * level / camera.exposures, saturates=False)
+
+
+def captured_sensor(camera: Camera, calibration: Calibration, gain: float, white: float, frames: float) -> Sensor:
+    """The sensor of joined frames: the noise that they were told, rescaled as they are; electrons from the linearity.
+
+    Args:
+        camera: of the joined snapshot, with its noise.
+        calibration: with dark and flat.
+        gain: snapshot units of a digital number, before.
+        white: snapshot units of a white scene in one frame.
+        frames: whose mean an open pixel is.
+    """
+    level, linearity = white_level(calibration), calibration.part("linearity")
+    scaled = white / (level * gain)
+    settings: dict[str, Any] = {
+        **camera.sensor.settings(),
+        "read_noise": camera.sensor.read_noise * scaled,
+        "saturates": False,
+    }
+    if linearity is not None:
+        settings["full_well"] = linearity.gain * level * frames * camera.white / white
+    return Sensor(**settings)
 
 
 SIMULATED = "simulated_calibration"

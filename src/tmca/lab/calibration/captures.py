@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tmca.data import atomic_path
 from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import read_captures as captures_of_bench
-from tmca.lab.frames import Array, Frames, check_size, read_frames, warn_of_copies, write_frames
+from tmca.lab.frames import Array, Frames, check_size, read_frames, write_frames
 from tmca.lab.notes import CAPTURES
 
 _SATURATED = 0.01
@@ -80,7 +80,7 @@ def read_captures(
     may_saturate: bool = False,
     sensor: Sequence[int] | None = None,
 ) -> Frames:
-    """Frames of a folder or stack; those that a bench took have to be as it kept them. Warns of copies.
+    """Frames of a folder or stack; those that a bench took have to be as it kept them.
 
     Args:
         path: see `tmca.lab.frames.read_frames`.
@@ -92,16 +92,13 @@ def read_captures(
         DataError: no frames, another size, frames that are missing or changed, or one more than a hundredth of which is
             saturated.
     """
-    about = taken_with(path)
-    frames = read_frames(path, about.get("saturation") if saturation is None else saturation)
+    frames = read_frames(path, taken_with(path).get("saturation") if saturation is None else saturation)
     if sensor is not None:
         check_size(path, "frames", frames.values.shape[1:], sensor, "use the sensor that was calibrated before")
     share = frames.saturated.mean(axis=(1, 2))
     if not may_saturate and share.max() > _SATURATED:
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
-    if about.get("driver") != "simulated":
-        warn_of_copies(frames)
     return frames
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from tmca.cameras import Camera
 from tmca.data import make_folder, metres_to_nm
 from tmca.errors import DataError, OutputError, SettingError, check_choice
 from tmca.lab.acquisition.captures import captured_so_far, check_frame, in_use, keep, resumed
-from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, saturation_of
+from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, number_of
 from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
 from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
 from tmca.lab.calibration.shots import CODES, OPEN, PATTERNS, Asked, Shot, pair_name
@@ -75,7 +75,9 @@ def capture_step(
     """
     asked = asked or Asked()
     if isinstance(device, Recorded):
-        refuse_recorded(type(device).__name__)
+        found = f"{type(device).__name__}, frames that were taken before"
+        remedy = "name them as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
+        raise SettingError("--device", found, "simulated, or a driver that takes frames", remedy)
     manifest = check_export(export)
     check_camera(export, camera)
     shots = shots_of(step, camera, manifest, asked)
@@ -85,7 +87,7 @@ def capture_step(
         raise SettingError(f"frames of {step}", f"{lights} lights", "one, where the bench sets none", remedy)
     shown, folder, loaded = ShownCodes(export, Path(out), asked), Path(out) / step, ""
     with in_use(Path(out)), calls_of(device, manifest, timeout) as calls:
-        saturation = calls.of(lambda: saturation_of(device))
+        saturation = calls.of(lambda: number_of(device, "saturation"))
         about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, asked)}
         record = resumed(captured_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
@@ -108,13 +110,6 @@ def capture_step(
             if progress:
                 progress(done + 1, len(shots), shot.name)
     return folder
-
-
-def refuse_recorded(name: str) -> NoReturn:
-    """Raises SettingError for frames of other software in the place of a bench."""
-    found = f"{name}, frames that were taken before"
-    remedy = "name other frames as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
-    raise SettingError("--device", found, "simulated or a driver, which takes the frames of a calibration", remedy)
 
 
 def _kept_with(step: str, asked: Asked) -> dict[str, Any]:

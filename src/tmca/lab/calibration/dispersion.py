@@ -73,33 +73,6 @@ class MeasuredDispersion:
         """The ``Dispersion`` along x of bands, where the registration's light is displaced by ``start`` pixels."""
         return Dispersion(tuple(start + self.at(wavelengths)[:, 1]))
 
-    def off_reference(self, wavelength: float | None) -> float:
-        """Pixels along x by which light of the registration's wavelength (metres) is displaced, which ought to be 0.
-
-        A tenth of the way between the wavelengths beside it is not counted: there the displacement is no straight line.
-        0 where it was not said, or is beyond those that were measured.
-        """
-        waves, along = self.wavelengths, self.shifts[:, 1]
-        if wavelength is None or not waves[0] <= wavelength <= waves[-1]:
-            return 0.0
-        above = min(int(np.searchsorted(waves, wavelength)), len(waves) - 1)
-        between = 0.0 if np.isclose(waves, wavelength).any() else abs(along[above] - along[above - 1])
-        return float(max(abs(np.interp(wavelength, waves, along)) - 0.1 * between, 0.0))
-
-    def turning_back(self) -> float:
-        """Pixels along x, beyond the noise, by which neighbouring wavelengths turn back: prisms and gratings displace
-        one way."""
-        steps, noise = np.diff(self.shifts[:, 1]), np.hypot(self.std[1:, 1], self.std[:-1, 1])
-        back = steps * (1 if steps.sum() < 0 else -1) - 4 * noise
-        return float(max(back.max(initial=0.0), 0.0))
-
-    def red_beyond_blue(self) -> float:
-        """Pixels along x by which the red half of the range is displaced beyond 1.5 times the blue one: a grating
-        displaces both alike, and glass blue more than twice as far."""
-        waves = self.wavelengths
-        low, middle, high = np.interp([waves[0], waves[[0, -1]].mean(), waves[-1]], waves, self.shifts[:, 1])
-        return float(max(abs(high - middle) - 1.5 * abs(middle - low), 0.0))
-
     def _check(self, asked: Array) -> None:
         low, high = self.wavelengths[0], self.wavelengths[-1]
         slack = 0.05 * (high - low) + 1e-12

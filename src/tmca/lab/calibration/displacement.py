@@ -180,11 +180,6 @@ class MeasuredShear:
     residual: float
     light: Array
 
-    def turned(self) -> float:
-        """Shift along the other axis over that along the own one: rows and columns in each other's place leave 1 or
-        more."""
-        return float(np.abs(self.cross).max() / max(np.abs(self.step).max(), 2 * LARGEST_SHEAR_RESIDUAL))
-
     def vignetting(self, views: tuple[int, int]) -> Array:
         """(V, U) light of every view, ones where a view was not captured."""
         light = np.ones(views)

@@ -19,7 +19,7 @@ from pydantic import Json
 
 from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
-from tmca.data.formats.stored import whole_file
+from tmca.data.files import read_groups
 from tmca.errors import DataError
 from tmca.lab.calibration.parts import StatedStep, StoredStep, group_of, kind_of, part_of
 from tmca.lab.calibration.sensor import corrected, defects
@@ -237,11 +237,8 @@ class _About1(Attributes):
 
 
 def _read(path: Path, data: xr.Dataset) -> Calibration:
-    import xarray as xr
-
     about = attributes_of(_About, data.attrs, path).model_dump()
-    with whole_file(path, "calibration"), xr.open_datatree(path, engine="h5netcdf") as tree:
-        groups = {name: group.to_dataset().load() for name, group in tree.children.items()}
+    groups = read_groups(path, "calibration")
     steps = {n: attributes_of(StoredStep, group.attrs, f"{path}: {n}").model_dump() for n, group in groups.items()}
     return _dated(Calibration(_parts(path, groups), about | {"steps": steps}, path))
 

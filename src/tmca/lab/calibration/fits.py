@@ -19,7 +19,7 @@ from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import register
-from tmca.lab.calibration.sensor import ROUNDING, measure_dark, measure_flat, measure_linearity
+from tmca.lab.calibration.sensor import measure_dark, measure_flat, measure_linearity
 from tmca.lab.calibration.timing import measure_timing
 from tmca.lab.frames import Array, Frames, named
 
@@ -138,9 +138,7 @@ def dark(seen: Captured) -> dict[str, Fitted]:
         "read_noise_dn": field.noise,
         "hot_pixels": float((field.defects > 0).sum()),
         "frames": float(field.frames),
-        "level_of_saturation": float(np.median(field.mean)) / top,
         "noise_of_saturation": float(np.sqrt((field.read_noise**2).mean())) / top,
-        "drift_of_noise": field.drift,
     }
     return {"dark": Fitted(field, residuals)}
 
@@ -151,35 +149,30 @@ def flat(seen: Captured) -> dict[str, Fitted]:
     if not 0 < reflectance <= 1:
         raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
     field = measure_flat(seen.frames.values, dark, source=seen.path)
-    level, changes = field.level, field.std * np.sqrt(field.frames)
+    level = field.level
     if given.white is not None:
-        level, white = _white(given.white, seen.calibration.with_part("flat", field, {}), given.saturation)
-        changes = max(changes, white)
+        level = _white(given.white, seen.calibration.with_part("flat", field, {}), given.saturation)
     level /= reflectance
     residuals = {
         "level_dn": field.level,
         "nonuniformity": field.nonuniformity,
         "std": field.std,
         "dead_pixels": float((field.defects > 0).sum()),
-        "dead_share": float((field.defects > 0).mean()),
-        "change_from_frame_to_frame": float(changes),
+        "noise_of_light": float(field.std * np.sqrt(field.frames)),
         "white_level_dn": level,
-        "white_level_of_saturation": level / (seen.frames.top - float(np.median(dark.mean))),
     }
     return {"flat": Fitted(field, residuals, {"white_level": level, "reflectance": reflectance}, [given.white])}
 
 
-def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> tuple[float, float]:
-    """Level of white in the middle third of the sensor, where a disperser lays all bands on one another, and the noise
-    of a pixel as a share of it."""
+def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> float:
+    """Level of white in the middle third of the sensor, where a disperser lays all bands on one another."""
     frames = read_captures(path, saturation=saturation, sensor=calibration.about["camera"]["sensor"])
     rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[1:])
     values = calibration.corrected(frames.values)[:, rows, columns]
     level = float(np.median(values.mean(axis=0)))
     if level < 10 * calibration.part("dark").noise:
         raise DataError(path, f"white of {level:.3g} above the dark", "ten times its noise", "give more light")
-    noise = float(np.sqrt(values.var(axis=0, ddof=1).mean())) if len(values) > 1 else 0.0
-    return level, noise / level
+    return level
 
 
 def linearity(seen: Captured) -> dict[str, Fitted]:
@@ -198,7 +191,6 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
         "electrons_per_dn_std": measured.gain_std,
         "read_noise_electrons": measured.read_noise,
         "full_well_electrons": measured.full_well,
-        "frames_of_one_exposure": measured.unlike,
     }
     return {"linearity": Fitted(measured, residuals)}
 
@@ -238,7 +230,6 @@ def timing(seen: Captured) -> dict[str, Fitted]:
         "leakage": measured.leakage,
         "leakage_std": measured.leakage_std,
         "repeats": float(measured.repeats),
-        "delay_over_the_largest": measured.lateness,
     }
     return {"timing": Fitted(measured, residuals, {"aperture_leakage": aperture})}
 
@@ -252,12 +243,8 @@ def _pair_levels(seen: Captured) -> Array:
     if gone := [pair for pair in wanted if pair not in keys]:
         expected = "every slot of the aperture with that of the shutter and with both beside it"
         raise DataError(seen.path, "no aperture_{}_shutter_{}".format(*gone[0]), expected, "capture it")
-    levels, dark = np.full((slots, slots), np.nan), seen.part("dark")
+    levels = np.full((slots, slots), np.nan)
     levels[tuple(np.array(keys).T)] = light.mean(axis=(1, 2))
-    noise = 10 * max(dark.noise, ROUNDING) * np.sqrt((1 + 1 / dark.frames) / dark.mean.size)
-    if (top := float(np.nanmax(levels))) < noise:
-        found = f"light of {top:.2g} above the dark in the brightest pair of slots"
-        raise DataError(seen.path, found, f"ten times its noise, {noise:.2g}, or more", "is the lamp on?")
     return levels
 
 
@@ -273,7 +260,6 @@ def dispersion(seen: Captured) -> dict[str, Fitted]:
         light, np.asarray(nm_to_metres(nm)), shown, registration, power=power, curve=given.curve, order=given.order,
         source=seen.path,
     )  # fmt: skip
-    bends = given.curve == "polynomial"
     residuals = {
         "x_residual_pixels": float(measured.residual[1]),
         "y_residual_pixels": float(measured.residual[0]),
@@ -281,9 +267,6 @@ def dispersion(seen: Captured) -> dict[str, Fitted]:
         "span_pixels": float(np.ptp(measured.shifts[:, 1])),
         "y_span_pixels": float(np.ptp(measured.shifts[:, 0])),
         "largest_misfit": float(measured.misfit.max()),
-        "turning_back_pixels": 0.0 if bends else measured.turning_back(),
-        "red_beyond_blue_pixels": 0.0 if bends else measured.red_beyond_blue(),
-        "off_registration_pixels": measured.off_reference(registration.wavelength),
     }
     settings = {"pattern": index, "curve": given.curve, "order": given.order, REGISTERED_AT: registration.wavelength}
     return {"dispersion": Fitted(measured, residuals, settings, [given.patterns, given.power])}
@@ -300,8 +283,6 @@ def shear(seen: Captured) -> dict[str, Fitted]:
         "x_pixels_per_view": float(measured.step[1]),
         "largest_std_pixels_per_view": float(measured.std.max()),
         "largest_cross_term": float(np.abs(measured.cross).max()),
-        "along_the_other_axis": measured.turned(),
-        "backwards": float((measured.step < 0).any()),
     }
     return {"shear": Fitted(measured, residuals, {"pattern": index}, [seen.given.patterns])}
 
@@ -329,7 +310,6 @@ def psf(seen: Captured) -> dict[str, Fitted]:
         "rms_waves": wavefront_rms(fit.coefficients, camera.bench, middle),
         "std_waves": wavefront_rms(fit.std, camera.bench, middle),
         "starts": float(fit.starts),
-        "worst_point": fit.worst,
     }
     return {
         f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.camera]),

@@ -19,6 +19,7 @@ from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
+from tmca.stored_numbers import check_finite
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -66,7 +67,7 @@ UNITS = {
     "depths": "m",
     "exposures": "s",
 }
-_MAY_LACK = ("drift", "unlike", "worst", "saturation", "deviations", "residual", "std", "leakage_std")
+_MAY_LACK = ("saturation", "deviations", "residual", "std", "leakage_std")
 """Fields that are NaN where they were not measured, or where as few values were fitted as there are unknowns."""
 _OF_STEP = ("residuals", "sources", "settings")
 _SIZES = {"axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}
@@ -151,8 +152,8 @@ def _checked(array: np.ndarray, name: str, dims: list[str], sizes: dict[str, int
     for dim, size in zip(dims, array.shape, strict=True):
         if sizes.setdefault(dim, size) != size or (not size and dim != "power"):
             raise DataError(where, f"{name} of {size} along {dim}", f"{sizes[dim] or 'some'}", _REMEDY)
-    if name not in _MAY_LACK and not np.isfinite(array).all():
-        raise DataError(where, f"{name} with values that are not finite", "finite ones", _REMEDY)
+    if name not in _MAY_LACK:
+        check_finite(array, where, name, _REMEDY)
     return array
 
 

@@ -121,8 +121,6 @@ def _cut(frame: Array, place: tuple[int, int], window: tuple[int, int], where: s
 MODES: tuple[Mode, ...] = tuple(noll(index) for index in range(4, 16))
 """Without piston, which nothing shows, and tilts, which the place of the source makes."""
 LARGEST_RESIDUAL = 0.2
-_ALONE, _BESIDE = 0.1, 4.0
-"""Share of a capture beyond its noise that the fit may leave, or times what it leaves of most."""
 _GOOD = 0.06
 _STARTS = 6
 _START_RMS = 0.08e-6
@@ -140,8 +138,6 @@ class ZernikeFit:
         tilts: (D, 2) metres rms of height of modes (1, -1), (1, 1): where the source was, depth by depth.
         residual: rms of what the fit leaves, over the rms of the point spread functions.
         starts: that were tried.
-        worst: what the fit leaves of one capture, over a tenth of it or four times what it leaves of most; NaN in files
-            of before.
     """
 
     modes: tuple[Mode, ...]
@@ -150,7 +146,6 @@ class ZernikeFit:
     tilts: Array
     residual: float
     starts: int
-    worst: float = float("nan")
 
 
 def fit_zernike_psf(
@@ -199,8 +194,7 @@ def fit_zernike_psf(
         remedy = "check bench, depths and window, and the heights that were asked for"
         raise DataError(source, what, f"{LARGEST_RESIDUAL:.0%} at most", remedy)
     count, spread, values = len(modes), fit_std(best) * _MICRO, best.x * _MICRO
-    tilts, worst = values[count:].reshape(-1, 2), _worst(best.fun.reshape(stack.values.shape), stack)
-    return ZernikeFit(tuple(modes), values[:count], spread[:count], tilts, residual, tried, worst)
+    return ZernikeFit(tuple(modes), values[:count], spread[:count], values[count:].reshape(-1, 2), residual, tried)
 
 
 def wavefront_rms(coefficients: ArrayLike, bench: PhaseMaskBench, wavelength: float) -> float:
@@ -218,14 +212,6 @@ def _check(stack: PsfStack, bench: PhaseMaskBench, modes: Sequence[Mode], nomina
         raise ShapeError("psf", f"a window of {stack.values.shape[2:]}", f"{bench.window}, the bench's")
     if nominal is not None and np.shape(nominal) != bench.mask_size:
         raise ShapeError("heights", str(np.shape(nominal)), f"{bench.mask_size}, the bench's mask")
-
-
-def _worst(left: Array, stack: PsfStack) -> float:
-    """How much worse the fit, left (D, L, h, w), explains one capture than the others, beside noise: two that were
-    named after each other keep a half."""
-    power, noise = (stack.values**2).sum(axis=(2, 3)), stack.noise**2 * left[0, 0].size
-    shares = np.sqrt(np.maximum((left**2).sum(axis=(2, 3)) - noise, 0.0) / power)
-    return float(shares.max() / max(_ALONE, _BESIDE * float(np.median(shares))))
 
 
 class _Model:

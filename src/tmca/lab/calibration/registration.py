@@ -43,10 +43,6 @@ _LIT = 0.3
 _BRIGHTEST = 0.05
 """Share of the mask's image that the brightest pixels are."""
 _ABOVE_NOISE = 3.0
-_SEEN = 0.2
-"""Least share of the mask's image that has to be lit after its edge is taken off: a coded pattern of small blocks, all
-of it edges, keeps less than a tenth; a mask of 16 pixels keeps a half, and one half beside the sensor or in shadow as
-much."""
 _EDGE = 2
 """Pixels that are taken off the edge of what is lit."""
 
@@ -58,14 +54,12 @@ class Shares(NamedTuple):
         values: (P', H, W), 0 where no light is.
         shown: (P', h, w) the coded patterns.
         lit: (H, W) pixels that count.
-        noise: rms of the values there, from the scatter of the frame that has least.
         dark, light: (H, W) frames of the dark and the open pattern.
     """
 
     values: Array
     shown: Array
     lit: np.ndarray
-    noise: float
     dark: Array
     light: Array
 
@@ -82,8 +76,7 @@ def coded_shares(
         source: named in errors.
 
     Raises:
-        DataError: another number of frames, no open, dark or coded pattern, no light, or light on a small part of the
-            mask only.
+        DataError: another number of frames, no open, dark or coded pattern, or no light.
     """
     values, shown = np.asarray(frames, dtype=np.float64), np.asarray(patterns, dtype=np.float64)
     if len(values) != len(shown):
@@ -100,41 +93,29 @@ def coded_shares(
     lit = _lit(light - dark, image, noise, source)
     above = np.where(lit, light - dark, 1.0)
     shares = np.where(lit, (values[coded] - dark) / above, 0.0)
-    # of Gaussian noise the median difference of neighbours is 0.954 times it; frame and ends have 2 of its variances
-    spread = float(np.sqrt(2 * np.mean(above[lit] ** -2)) * noise / 0.954)
-    return Shares(shares, shown[coded], lit, spread, dark, light)
+    return Shares(shares, shown[coded], lit, dark, light)
 
 
 def _lit(above: Array, image: float, noise: float, source: object) -> np.ndarray:
-    """(H, W) pixels that the open pattern lights, without their edge; DataError where they are a small part of the
-    mask's image, which is a share of the sensor."""
+    """(H, W) pixels that the open pattern lights, without their edge; DataError where there is no light on the mask's
+    image, which is a share of the sensor."""
     from scipy.ndimage import binary_erosion, median_filter
 
     brightest = np.percentile(median_filter(above, 3), 100 * (1 - _BRIGHTEST * image))
     lit = above > max(_ABOVE_NOISE * noise, _LIT * brightest)
-    order = "are the frames in the order of the patterns, and is --scale right?"
-    if not lit.any() or np.median(above[lit]) < 5 * noise or lit.mean() < 0.02 * image:
-        remedy = f"give more light; {order}"
-        raise DataError(source, "an open pattern that is no brighter than the dark one", "light", remedy)
     inner = np.asarray(binary_erosion(lit, iterations=_EDGE))
-    if (share := float(inner.mean() / image)) < _SEEN:
-        found = f"an open pattern that lights {share:.1%} of the mask's image evenly"
-        raise DataError(
-            source, found, f"{_SEEN:.0%} or more", f"light the whole mask, nothing brighter beside; {order}"
-        )
+    if not inner.any() or np.median(above[lit]) < 5 * noise or lit.mean() < 0.02 * image:
+        remedy = "give more light; are the frames in the order of the patterns?"
+        raise DataError(source, "an open pattern that is no brighter than the dark one", "light", remedy)
     return inner
 
 
-LARGEST_RESIDUAL = 0.2
-"""Share of a pattern's contrast that the fit may leave beside noise: of another pattern it leaves a half."""
-_LARGEST_NOISE = 0.4
-"""Share of a pattern's contrast that is put down to noise at most: beside it another pattern still leaves 0.3."""
+LARGEST_RESIDUAL = 0.4
+"""Share of the patterns' contrast that the fit may leave: of other patterns it leaves a half."""
 _LEVELS = (3.0, 1.5, 0.0)
 """Blur under which the fit begins, sensor pixels: a rotation moves corners by more than a mask pixel."""
 LARGEST_STD = 0.25
 """Sensor pixels by which the mask's corners may be uncertain, as much as displacements against it may be off."""
-_SCALE = 0.06
-"""Share by which the scale may be another than was said, to the nearest hundredth: the search goes no further."""
 
 
 @dataclass(frozen=True)
@@ -220,9 +201,8 @@ def register(
         source: named in errors.
 
     Raises:
-        DataError: no open or dark pattern, patterns that are not seen or not in the order of the frames, a fit that
-            leaves more than a fifth of a pattern's contrast beside noise or the place of the mask's corners uncertain,
-            or another scale.
+        DataError: no open or dark pattern, patterns that are not seen, or a fit that leaves more than 0.4 of the
+            patterns' contrast or the place of the mask's corners uncertain.
         SettingError: an impossible scale.
     """
     if not 0 < scale < np.inf:
@@ -240,24 +220,14 @@ def register(
     blur, std, middle = abs(float(fit.x[6])), fit_std(fit), np.array([(n - 1) / 2 for n in codes])
     std = np.hstack([std[2:6].reshape(2, 2) / middle, std[:2, None]])
     registered = Registration(matrix, std, blur, residual, codes, sensor, wavelength, *leakage)
-    unexplained = _unexplained(fit.fun, shares[:, lit], seen.noise)
     for what, left, most in (
-        ("of the contrast of a pattern beside noise", unexplained, LARGEST_RESIDUAL),
+        ("of the patterns' contrast", residual, LARGEST_RESIDUAL),
         ("pixels of doubt about the mask's corners", registered.edge_std, LARGEST_STD),
-        ("between the scale and that which was said", abs(registered.scale / scale - 1), _SCALE + 0.005),
     ):
         if not left <= most:
             remedy = "is there light and focus enough, is --scale right, and are frames and patterns in one order?"
             raise DataError(source, f"a fit that leaves {left:.2g} {what}", f"{most:g} at most", remedy)
     return registered
-
-
-def _unexplained(left: Array, shares: Array, noise: float) -> float:
-    """Share of a coded pattern's contrast (P', N) that the fit leaves (P' · N) beside noise, of the worst one."""
-    contrast = 2 * shares.std(axis=1)
-    power = (left.reshape(shares.shape) ** 2).mean(axis=1) - np.minimum(noise, _LARGEST_NOISE * contrast) ** 2
-    nothing = np.ones_like(contrast)  # a frame without contrast explains no pattern
-    return float(np.divide(np.sqrt(np.maximum(power, 0.0)), contrast, out=nothing, where=contrast > 0).max())
 
 
 def _scale(matrix: Array) -> float:

@@ -29,14 +29,12 @@ class DarkField:
         read_noise: (H, W) standard deviation of a frame.
         defects: (H, W) ``HOT`` where the offset or the noise is far from that of the others.
         frames: that were averaged.
-        drift: standard deviation of the frames' levels over the noise of a pixel; NaN in files of before.
     """
 
     mean: Array
     read_noise: Array
     defects: NDArray[np.uint8]
     frames: int
-    drift: float = float("nan")
 
     @property
     def noise(self) -> float:
@@ -84,10 +82,7 @@ def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
     hot = _far(mean, values.shape[0]) | (_far(noise, values.shape[0]) & (noise > np.median(noise)))
     if hot.mean() > 0.1:
         raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
-    levels = values.mean(axis=(1, 2))
-    alone = (values - levels[:, None, None]).std(axis=0, ddof=1)
-    drift = float(levels.std(ddof=1)) / max(float(np.sqrt((alone**2).mean())), ROUNDING)
-    return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values), drift)
+    return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values))
 
 
 def _far(values: Array, frames: int) -> NDArray[np.bool_]:
@@ -155,7 +150,6 @@ class Linearity:
         gain: electrons per digital number, by photon transfer.
         gain_std: of it.
         read_noise: of the photon transfer's line at no light, electrons.
-        unlike: largest deviation of a frame from the mean of its exposure, as a share; NaN in files of before.
     """
 
     exposures: Array
@@ -168,7 +162,6 @@ class Linearity:
     gain: float
     gain_std: float
     read_noise: float
-    unlike: float = float("nan")
 
     @property
     def largest_deviation(self) -> float:
@@ -212,12 +205,7 @@ def measure_linearity(
     full = np.zeros(values.shape, bool) if saturated is None else np.asarray(saturated, bool)
     times, values, full = times[order], values[order], full[order]
     good = np.asarray(dark.defects == 0)
-    each = (values - dark.mean)[..., good].mean(axis=-1)
-    levels = each.mean(axis=1)
-    slack = np.maximum(levels, _RANGE[0] * levels.max())
-    unlike = float((np.abs(each - levels[:, None]).max(axis=1) / np.maximum(slack, ROUNDING / LARGEST_DEVIATION)).max())
-    if (np.diff(levels) < -LARGEST_DEVIATION * slack[1:]).any():
-        raise DataError(source, "levels that do not grow with the exposure", "growing ones", "check the file names")
+    levels = (values - dark.mean)[..., good].mean(axis=-1).mean(axis=1)
     variances = values.var(axis=1, ddof=1)[:, good].mean(axis=1)
     share = np.asarray(full.any(axis=1))[:, good].mean(axis=1)
     saturation = float(levels[share > 0.5].min()) if (share > 0.5).any() else float("nan")
@@ -229,7 +217,7 @@ def measure_linearity(
         remedy = "check the exposures; switch gamma off, keep the lamp steady"
         raise DataError(source, what, f"{LARGEST_DEVIATION:.0%} at most", remedy)
     transfer = _transfer(levels[used], variances[used], values.shape[1], source)
-    return Linearity(times, levels, variances, slope, offset, deviations, saturation, *transfer, unlike)
+    return Linearity(times, levels, variances, slope, offset, deviations, saturation, *transfer)
 
 
 def _used(times: Array, levels: Array, share: Array, saturation: float, source: object) -> np.ndarray:

@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tmca.cameras import Camera
 from tmca.errors import DataError
-from tmca.lab.calibration import figures, fits, shots
-from tmca.lab.calibration.apply import out_of_date
+from tmca.lab.calibration import fits, shots
 from tmca.lab.calibration.captures import read_captures, taken_with
+from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.calibration.parts import kind_of
+from tmca.lab.calibration.pattern_image import mapped
+from tmca.lab.calibration.psf import PsfStack, ZernikeFit
+from tmca.lab.calibration.registration import Registration, nominal_matrix
+from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
+from tmca.lab.calibration.timing import Timing
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
-from tmca.lab.quality import Doubtful, Limit, Limits, quality_of, warn_of
+from tmca.lab.quality import quality_of
+from tmca.plots import calibration as plots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,8 +44,8 @@ class Step:
         fit: what the frames say, by the name of the part; None where the frames are another step's.
         figure: draws a part onto two axes.
         needs: steps that it builds on.
-        limits: of its residuals.
-        may_saturate: whether saturated frames are wanted.
+        residual: that says how good it is.
+        usual: the largest of it that good captures leave.
     """
 
     name: str
@@ -44,44 +53,68 @@ class Step:
     fit: Callable[[Captured], dict[str, Fitted]] | None = None
     figure: Callable[..., None] | None = None
     needs: tuple[str, ...] = ()
-    limits: Limits = field(default_factory=dict)
-    may_saturate: bool = False
+    residual: str = ""
+    usual: float = 1.0
 
 
-_COVER = "cover the lens in every frame; give --saturation where the sensor's top is another"
-_EVEN = "capture the same even light in every frame, out of focus"
-_WAVES = "are the wavelengths of the captures and of the registration right?"
+def _draw_dark(axes: Any, part: DarkField) -> None:
+    plots.draw_dark(axes, part.mean, part.read_noise, part.defects > 0)
+
+
+def _draw_flat(axes: Any, part: FlatField) -> None:
+    plots.draw_flat(axes, part.gain, part.defects > 0, part.nonuniformity)
+
+
+def _draw_linearity(axes: Any, part: Linearity) -> None:
+    titles = (
+        f"off a line by {part.largest_deviation:.2g} of it at most",
+        f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number",
+    )
+    line, transfer = part.offset + part.slope * part.exposures, (part.read_noise / part.gain) ** 2
+    predicted, used = transfer + part.levels / part.gain, np.isfinite(part.deviations)
+    plots.draw_linearity(axes, part.exposures, part.levels, line, part.variances, predicted, used, titles)
+
+
+def _draw_registration(axes: Any, part: Registration) -> None:
+    rows, columns = (np.linspace(0, n - 1, 9) for n in part.codes)
+    mask = np.stack([one.ravel() for one in np.meshgrid(rows, columns, indexing="ij")])
+    nominal = mapped(nominal_matrix(part.codes, part.sensor, part.scale), *mask)
+    sensor = np.stack(mapped(part.matrix, *mask))
+    plots.draw_registration(axes, mask, sensor, np.stack(nominal), part.sensor, part.residual)
+
+
+def _draw_dispersion(axes: Any, part: MeasuredDispersion) -> None:
+    fine = np.linspace(part.wavelengths[0], part.wavelengths[-1], 200)
+    fitted = np.isfinite(part.residual[1])
+    title = f"{part.curve} curve {f'leaves {part.residual[1]:.3f} px rms' if fitted else 'through all of them'}"
+    plots.draw_dispersion(axes, part.wavelengths, part.shifts, (fine, part.at(fine)), part.response, title)
+
+
+def _draw_shear(axes: Any, part: MeasuredShear) -> None:
+    plots.draw_shear(axes, part.places, part.shifts, part.step, part.light, part.residual)
+
+
+def _draw_timing(axes: Any, part: Timing) -> None:
+    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
+    plots.draw_timing(axes, part.overlap(), part.delay, part.ratio, title)
+
+
+def _draw_wavefront(axes: Any, part: ZernikeFit, stack: PsfStack) -> None:
+    plots.draw_psf(axes[0], stack.values, stack.wavelengths, stack.depths)
+    plots.draw_wavefront(axes[1], part.modes, part.coefficients, part.std, part.residual)
+
+
 STEPS: dict[str, Step] = {step.name: step for step in (
-    Step("dark", shots.dark, fits.dark, figures.dark, limits={
-        "level_of_saturation": Limit(0.25, _COVER),
-        "noise_of_saturation": Limit(0.05, _COVER),
-        "drift_of_noise": Limit(10.0, _COVER),
-    }),
-    Step("flat", shots.flat, fits.flat, figures.flat, ("dark",), {
-        "change_from_frame_to_frame": Limit(0.2, _EVEN),
-        "dead_share": Limit(0.05, _EVEN),
-        "white_level_of_saturation": Limit(1.1, "no capture of a white scene is whole; is --reflectance right?"),
-    }),
+    Step("dark", shots.dark, fits.dark, _draw_dark, (), "noise_of_saturation", 0.05),
+    Step("flat", shots.flat, fits.flat, _draw_flat, ("dark",), "noise_of_light", 0.2),
     Step("white", shots.white),
-    Step("linearity", shots.linearity, fits.linearity, figures.linearity, ("dark",), {
-        "frames_of_one_exposure": Limit(0.05, "check the file names; keep the lamp steady"),
-    }, may_saturate=True),
-    Step("registration", shots.registration, fits.registration, figures.registration),
-    Step("timing", shots.timing, fits.timing, figures.timing, ("dark",), {
-        "delay_over_the_largest": Limit(1.0, "check which slots each capture had open, and both triggers"),
-    }),
-    Step("dispersion", shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"), {
-        "turning_back_pixels": Limit(0.1, f"prisms and gratings displace one way; {_WAVES}"),
-        "red_beyond_blue_pixels": Limit(0.25, f"neither glass nor gratings spread red wider than blue; {_WAVES}"),
-        "off_registration_pixels": Limit(0.25, f"the registration's own light is displaced; {_WAVES}"),
-    }),
-    Step("shear", shots.shear, fits.shear, figures.shear, ("registration", "dark"), {
-        "along_the_other_axis": Limit(0.5, "name the frames view_ROW_COLUMN; turn the aperture's device upright"),
-        "backwards": Limit(0.5, "as for a --shear below 0; are the views named from the other side?"),
-    }),
-    Step("psf", shots.psf, fits.psf, figures.wavefront, ("dark",), {
-        "worst_point": Limit(1.0, "check the depths and wavelengths in the names"),
-    }),
+    Step("linearity", shots.linearity, fits.linearity, _draw_linearity, ("dark",), "largest_deviation", 0.02),
+    Step("registration", shots.registration, fits.registration, _draw_registration, (), "residual_of_contrast", 0.2),
+    Step("timing", shots.timing, fits.timing, _draw_timing, ("dark",), "residual_of_a_slot", 0.05),
+    Step("dispersion", shots.dispersion, fits.dispersion, _draw_dispersion, ("registration", "dark"),
+         "x_residual_pixels", 0.2),
+    Step("shear", shots.shear, fits.shear, _draw_shear, ("registration", "dark"), "residual_pixels", 0.1),
+    Step("psf", shots.psf, fits.psf, _draw_wavefront, ("dark",), "residual", 0.1),
 )}  # fmt: skip
 
 
@@ -102,8 +135,8 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
 
 
 def measure(name: str, calibration: Calibration, path: str | Path, given: StepSettings | None = None) -> Calibration:
-    """A calibration with one more step, whose residuals say its ``quality``: above 1 something may be wrong with the
-    captures, and a warning says what.
+    """A calibration with one more step, whose residuals say its ``quality``, that of the step over what good captures
+    leave: above 1 a warning says so.
 
     Args:
         name: of the step.
@@ -122,19 +155,17 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
             remedy = f"run tmca calibrate {need} first, and name its file with --onto"
             raise DataError(calibration.where, f"no {need}", f"one, on which {step.name} builds", remedy)
     sensor = calibration.about["camera"]["sensor"]
-    frames = read_captures(path, saturation=given.saturation, may_saturate=step.may_saturate, sensor=sensor)
+    frames = read_captures(path, saturation=given.saturation, may_saturate=name == "linearity", sensor=sensor)
     for part, fitted in step.fit(Captured(frames, place, calibration, given)).items():
-        residuals = {**fitted.residuals, "quality": quality_of(fitted.residuals, step.limits)}
+        residuals = dict(fitted.residuals)
+        if step.residual in residuals:
+            left = step.residual.replace("_", " ")
+            residuals["quality"] = quality_of(path, left, residuals[step.residual], step.usual)
         sources = [path, *(source for source in fitted.sources if source is not None)]
         size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
         calibration = calibration.with_part(
             part, fitted.part, residuals, sources, sensor=size, codes=fitted.codes, settings=fitted.settings
         )
-        warn_of(path, fitted.residuals, step.limits)
-    if old := out_of_date(calibration):
-        import warnings
-
-        warnings.warn(str(old), Doubtful, stacklevel=2)
     return calibration
 
 

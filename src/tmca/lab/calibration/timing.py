@@ -53,12 +53,6 @@ class Timing:
     leakage: float = 0.0
     leakage_std: float = 0.0
 
-    @property
-    def lateness(self) -> float:
-        """The delay over the largest that is one: half of the exposure; of two slots half a slot, for one that comes a
-        slot late is the other one."""
-        return abs(self.delay) / (self.slots / 2 if self.slots > 2 else 0.5)
-
     def overlap(self) -> Array:
         """(K, K) see ``slot_overlap``."""
         return slot_overlap(self.slots, self.delay, self.ratio, self.repeats)

@@ -128,4 +128,4 @@ def lab_camera(camera: Camera | str) -> LabCamera:
 def check_light(possible: bool, found: str, expected: str) -> None:
     """Raises DeviceError for a light that the simulated bench does not have."""
     if not possible:
-        raise DeviceError("simulated bench", found, expected, "render such frames with `tmca calibrate render`")
+        raise DeviceError("simulated bench", found, expected)

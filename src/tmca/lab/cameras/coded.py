@@ -99,9 +99,17 @@ def mixed_aperture(codes: Tensor, calibration: Calibration) -> tuple[Array, floa
 
 
 def leaking_shutter(shutter: Tensor, calibration: Calibration) -> Array:
-    """(K, H, W) the shutter with its leakage, closed over defective pixels."""
-    timing, bad = calibration.part("timing"), calibration.defects()
-    planes = leaked(shutter.detach().double(), 0.0 if timing is None else timing.leakage).numpy()
+    """(K, H, W) the shutter with its leakage, closed over defective pixels.
+
+    What the aperture was known to leak when the timing was measured and what a registration measured since add up to
+    the same light in closed slots.
+    """
+    timing, registration, bad = calibration.part("timing"), calibration.part("registration"), calibration.defects()
+    share = 0.0 if timing is None else timing.leakage
+    known = calibration.settings("timing").get("aperture_leakage")
+    if known is not None and registration is not None and registration.leakage is not None:
+        share = max(0.0, share + (known - registration.closed_light))
+    planes = leaked(shutter.detach().double(), share).numpy()
     return planes if bad is None else np.where(bad, 0.0, planes)
 
 

@@ -12,6 +12,7 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.dispersion import REGISTERED_AT
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.cameras.base import BRIGHT, check_light
@@ -52,7 +53,9 @@ class SpectralLab(CodedLab):
             matrix = moved(registration.matrix, (0.0, camera.dispersion.origin - start))
             planes = seen_patterns(planes, matrix, camera.size, 0.0 if camera.blurred else registration.blur)
         measured = calibration.part("dispersion")
-        dispersion = camera.dispersion if measured is None else measured.dispersion(camera.wavelengths, start)
+        dispersion = camera.dispersion
+        if measured is not None:
+            dispersion = measured.dispersion(camera.wavelengths, start - _registered_since(calibration))
         response = camera.response.detach().double().numpy() * light
         if measured is not None:
             relative = measured.response_at(camera.wavelengths)
@@ -105,6 +108,17 @@ def _columns(values: Tensor, first: int, width: int) -> Tensor:
     start, stop = max(0, first), min(width, first + values.shape[-1])
     laid[..., start:stop] = values[..., start - first : stop - first]
     return laid
+
+
+def _registered_since(calibration: Calibration) -> float:
+    """Displacement, in the measured dispersion, of the light of a registration that was measured after it at another
+    wavelength; pixels."""
+    known, registration = calibration.settings("dispersion").get(REGISTERED_AT), calibration.part("registration")
+    if known is None or registration is None or registration.wavelength is None:
+        return 0.0
+    if abs(known - registration.wavelength) < _NEAR:
+        return 0.0
+    return float(calibration.part("dispersion").at([registration.wavelength])[0, 1])
 
 
 def _reference_shift(camera: SpectralCamera, calibration: Calibration) -> float:

@@ -23,6 +23,8 @@ from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.display.devices import DeviceDescription
 from tmca.optics import family_parameters
 from tmca.optics.zernike import fit_zernike, noll, zernike_modes
+from tmca.stored_numbers import check_finite
+from tmca.text_files import read_text
 
 Size = tuple[int, int]
 
@@ -247,13 +249,15 @@ def read_table(file: Path) -> Terms:
     Raises:
         DataError: no such table, or a term that is missing in a slot.
     """
+    text = read_text(file, "a table of Zernike terms", "export again")
     try:
-        rows = list(csv.DictReader(file.read_text(encoding="utf-8").splitlines()))
+        rows = list(csv.DictReader(text.splitlines()))
         values = {(int(row["slot"]), int(row["noll"])): float(row["rms_um"]) for row in rows}
-    except (OSError, KeyError, TypeError, ValueError, UnicodeDecodeError):
+    except (KeyError, TypeError, ValueError, csv.Error):
         raise DataError(file, "no table of Zernike terms", f"columns {', '.join(COLUMNS)}", "export again") from None
     slots, indices = sorted({slot for slot, _ in values}), list(dict.fromkeys(int(row["noll"]) for row in rows))
     if not values or slots != list(range(len(slots))) or len(values) != len(slots) * len(indices):
         raise DataError(file, f"{len(values)} terms of {len(slots)} slots", "every term in every slot", "export again")
     rms = np.array([[values[slot, index] for index in indices] for slot in slots]) * 1e-6
+    check_finite(rms, file, "rms_um", "export again")
     return Terms(tuple(indices), rms, np.full(len(slots), np.nan))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.errors import DataError, SettingError
+from tmca.text_files import read_text
 from tmca.yaml_files import read_yaml
 
 _PRESETS = Path(__file__).parent / "presets"
@@ -188,14 +189,14 @@ def _table(file: Path) -> NDArray[np.float64]:
 def _columns(file: Path) -> tuple[bool, NDArray[np.float64]]:
     """Whether a table tells the phase, and its two columns (2, n) by rising grey level."""
     wanted = "lines GREY,LIGHT below the heading grey,light or none, or GREY,PHASE below the heading grey,phase_rad"
+    text = read_text(file, f"a text file, {wanted}", "see docs/devices.md")
     try:
-        text = file.read_text(encoding="utf-8-sig")
         heading, *rows = [line.split("#")[0].strip() for line in text.splitlines() if line.split("#")[0].strip()]
         names = [name.strip().lower() for name in heading.split(",")]
         if names not in (["grey", "light"], ["grey", "phase_rad"]):
             rows.insert(0, heading)
         table = np.array([[float(part) for part in row.split(",")] for row in rows])
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise DataError(file, f"no table of numbers ({error})", wanted, "see docs/devices.md") from None
     if table.ndim != 2 or table.shape[1] != 2 or not np.isfinite(table).all():
         raise DataError(file, f"numbers of shape {table.shape}", wanted, "two numbers in every line")

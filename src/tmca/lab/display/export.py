@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -67,14 +66,7 @@ _TRIGGERS = {
     "coded-exposure": {"source": "sensor", "edge": "slot", "shows": "one mask a slot, one exposure of all"},
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
-_FRAME_RATE = 500
-"""Frames a second of ordinary cameras at most."""
-
 _SLOTS = 4
-
-
-class FastFrames(UserWarning):
-    """More frames a second than ordinary cameras take."""
 
 
 @dataclass(frozen=True)
@@ -173,7 +165,6 @@ def _written(
     times = SlotTimes(codes.slots, exposure)
     for device in devices:
         times.check(device)
-        _warn_of_rate(device, times)
     place = folder.resolve()
     make_folder(place.parent)
     with atomic_path(place, overwrite=True) as temporary:
@@ -291,12 +282,3 @@ def _picture(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.nd
         return title, read_frame(file), None
     terms = read_table(file)
     return title, terms.rms[slot], terms.noll
-
-
-def _warn_of_rate(device: DeviceDescription, times: SlotTimes) -> None:
-    """Warn where an ordinary camera would have to take frames one after the other faster than most can."""
-    rate = times.slots / times.exposure
-    if device.kind == "emulated-shutter" and rate > _FRAME_RATE:
-        said = f"{times.slots} frames of {1e3 / rate:.3g} ms, {rate:.0f} a second where they follow each other"
-        remedy = "where the camera is slower, pause between the slots of a scene that stands still, or --exposure more"
-        warnings.warn(f"{device.name}: {said}; {remedy}", FastFrames, stacklevel=2)

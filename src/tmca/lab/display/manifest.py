@@ -6,19 +6,19 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
-from tmca.data import checksum_of, content_digest
+from tmca.attributes import Attributes, Inside, NamedJson, attributes_of, read_json
+from tmca.data import checksum_of, content_digest, read_array
 from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
-from tmca.lab.notes import read_json
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
@@ -40,13 +40,7 @@ def read_frame(file: Path) -> NDArray[np.integer]:
     Raises:
         DataError: a missing or broken picture, or one in colour.
     """
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(file) as picture:
-            frame = np.asarray(picture)
-    except (OSError, UnidentifiedImageError, SyntaxError):
-        raise DataError(file, "no picture", "the PNG of the export", "export again") from None
+    frame = read_array(file)
     if frame.ndim != 2:
         raise DataError(file, f"an array of shape {frame.shape}", "one plane of pixels", "export again")
     return frame.astype(np.uint8) if frame.dtype == np.bool_ else frame
@@ -89,17 +83,60 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
         DataError: no export, one of another version, or one that says no slots, exposure or planes.
     """
     file = Path(folder) / NAME
-    about = read_json(file, "the manifest of an export", "make one with `tmca export`")
-    if about.get("format") != FORMAT:
-        raise DataError(file, f"format {about.get('format')!r}", repr(FORMAT))
-    try:
-        stated = int(about["slots"]), float(about["exposure_s"]), [plane["frames"] for plane in about["planes"]]
-    except (KeyError, TypeError, ValueError):
-        stated = 0, 0.0, []
-    if not all(stated):
-        said = "no slots, no exposure time, or planes without frames"
-        raise DataError(file, said, "the manifest of an export", "export again")
+    about: dict[str, Any] = read_json(file, NamedJson, "the manifest of an export", "make one with `tmca export`")
+    attributes_of(_Manifest, about, file, "entry")
     return about
+
+
+_Side = Annotated[int, Field(ge=1, le=2**15)]
+
+
+class _Frame(Attributes):
+    file: Inside
+    sha256: str
+    start_s: float = 0.0
+
+
+class _Shown(Attributes):
+    """What counts of a device; `DeviceDescription` checks the rest."""
+
+    kind: str
+    name: str
+    lut: Inside | None = None
+
+
+class _Placed(Attributes):
+    """Of `Placement`."""
+
+    code: tuple[_Side, _Side]
+    device: tuple[_Side, _Side]
+    macro_pixel: float = Field(gt=0, le=1024)
+    angle: float
+    lattice: Literal["square", "diamond"]
+    flip: tuple[Literal["rows", "columns"], ...]
+    offset: tuple[int, int]
+    affine: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+
+class _Plane(Attributes):
+    plane: str
+    device: _Shown
+    frames: list[_Frame] = Field(min_length=1)
+    codes_sha256: str
+    response_sha256: str | None = None
+    placement: _Placed | None = None
+
+
+class _Manifest(Attributes):
+    """What is read of a manifest."""
+
+    format: Literal["tmca export 1"]
+    camera: str
+    settings: dict[str, Any]
+    source: str
+    slots: int = Field(ge=1)
+    exposure_s: float = Field(gt=0)
+    planes: list[_Plane] = Field(min_length=1)
 
 
 def exposed_whole(manifest: dict[str, Any]) -> bool:
@@ -182,7 +219,10 @@ def placement_of(about: dict[str, Any]) -> Placement:
 
 def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:
     frames = np.stack([read_frame(folder / frame["file"]) for frame in about["frames"]])
-    levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+    try:
+        levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+    except SettingError as error:
+        raise DataError(folder, f"a placement of {error.found}", error.expected, "export again") from error
     if device.kind != "lcos":
         return _checked(levels.astype(np.float32) / device.top, about, folder)
     light = light_of(levels.astype(np.uint8), device)

@@ -128,16 +128,8 @@ class Placement:
     def _refuse(self, missing: int) -> None:
         row, column = divmod(missing, self.code[1])
         shown = f"{self.code[0]}×{self.code[1]} code pixels at {self.macro_pixel:.3g} device pixels each"
-        found = f"{shown}, of which ({row}, {column}) is not on the device"
-        if self.affine is not None:
-            raise SettingError(
-                "--calibration", found, "all on the device, at 1 of its pixels or more each", "a smaller code"
-            )
-        rows = 2 if self.lattice == "diamond" else 1
-        turned = self.angle % 90 != 0 or self.lattice == "diamond"
-        least = "take --macro-pixel 2 or more where patterns are turned, or " if turned and self.macro_pixel < 2 else ""
-        moved = "leave --offset out, or " if any(self.offset) else ""
-        height, width = (ceil(n * self.macro_pixel * each) for n, each in zip(self.code, (rows, 1), strict=True))
-        remedy = f"{moved}{least}take a smaller code than {height}×{width} pixels of the device"
-        where = "--offset" if any(self.offset) else "--macro-pixel"
-        raise SettingError(where, found, f"all on its {self.device[0]}×{self.device[1]} pixels", remedy)
+        found = f"{shown}, of which ({row}, {column}) is cut off or hidden"
+        where = "--calibration" if self.affine is not None else "--offset" if any(self.offset) else "--macro-pixel"
+        expected = f"all on its {self.device[0]}×{self.device[1]} pixels, at 1 of them or more each"
+        remedy = "take a smaller code, --macro-pixel 2 or more where patterns are turned, and no --offset"
+        raise SettingError(where, found, expected, remedy)

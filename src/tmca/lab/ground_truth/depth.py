@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from tmca.data import label_depth
 from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.frames import check_size
-from tmca.lab.ground_truth.fringes import Capture, FringePlan, disorder, lit_pixels
+from tmca.lab.ground_truth.fringes import Capture, FringePlan
 from tmca.lab.ground_truth.geometry import ProjectorCalibration, triangulate
 from tmca.lab.ground_truth.phase import Array, Phases, Unwrapping, measure_phases, spatial_unwrap, temporal_unwrap
-from tmca.lab.quality import Limit, Limits, quality_of, warn_of
+from tmca.lab.quality import quality_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -95,16 +95,8 @@ def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6
     return updated
 
 
-_ORDER = "check that steps and frequencies are in order, and each frame among its own"
-_PLACE = "check the order of the frames, that they are not mirrored, the calibration, and near and far (--near, --far)"
-LIMITS: Limits = {
-    "light_of_frequencies": Limit(0.5, "is a frame dark, or lit by something else? " + _ORDER),
-    "light_of_steps": Limit(0.06, _ORDER),
-    "no_cosine": Limit(0.125, _ORDER),  # a projector's gamma of 2.2 leaves 0.08, one of 2.6 0.11
-    "turned_rad": Limit(1.0, _ORDER),
-    "behind_the_camera": Limit(0.1, _PLACE),
-    "out_of_range": Limit(0.5, _PLACE),
-}
+_USUAL = 0.125
+"""Share of the variation over the steps that is no cosine: a projector's gamma of 2.2 leaves 0.08, of 2.6 0.11."""
 
 
 def measure_depth(
@@ -137,12 +129,13 @@ def measure_depth(
     Returns:
         ``depth`` and ``depth_std`` (y, x), metres, NaN where left out; ``confidence`` (y, x), 0 for known and else
         the index of the reason in its attribute ``reasons``; ``position`` (y, x), projector pixel; ``modulation`` (y,
-        x) of the finest fringes, digital numbers. Attributes hold residuals and their ``quality``: above 1 frames may
-        be out of order, or the calibration another's, and a warning says so.
+        x) of the finest fringes, digital numbers. Attributes hold ``no_cosine``, the share of the variation over the
+        steps that is none, of the worst frequency, and its ``quality``: it over what good captures leave, with a
+        warning above 1.
 
     Raises:
         SettingError: an impossible setting.
-        DataError: a calibration of another size, hardly any pixel with fringes, or none with a depth.
+        DataError: a calibration of another size, or no pixel with a depth.
     """
     if not 0 < near < far:
         raise SettingError("near, far", f"{near:g} to {far:g} m", "0 < near < far")
@@ -151,20 +144,19 @@ def measure_depth(
     check_range("neighbours", neighbours, 0, 8, whole=True)
     check_size(capture.source, "frames", capture.values.shape[2:], calibration.camera.size, "calibrate at that size")
     check_size("fringes", "a projector", plan.size, calibration.projector.size, "calibrate at that size")
-    lit = lit_pixels(capture)
     phases = measure_phases(capture.values, noise)
     # rounding to whole numbers is noise too, and all of it where there is no other
     phases = phases if noise or phases.noise > capture.step / 4 else measure_phases(capture.values, _rounding(capture))
-    residuals = disorder(capture, plan, phases, lit)
     why, absolute = _unwrapped(phases, capture, plan, unwrap)
     position = plan.position(absolute)
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
     depth, depth_std = triangulate(position, std, calibration, plan.across)
     reasons = by_range(why, depth, position, plan, (near, far))
-    residuals |= _out_of_range(why, reasons, capture, depth)
+    residual = _no_cosine(phases, why)
+    _check_some(reasons, capture)
     reasons = by_company(reasons, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
-    warn_of(capture.source, residuals, LIMITS)
-    about = {"unwrapping": unwrap, "quality": quality_of(residuals, LIMITS), **residuals}
+    quality = quality_of(capture.source, "no cosine over the steps:", residual, _USUAL)
+    about = {"unwrapping": unwrap, "quality": quality, "no_cosine": residual}
     return _labelled(depth, depth_std, reasons, position, phases, capture).assign_attrs(about)
 
 
@@ -207,17 +199,18 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
     return by_frequencies(why, disagreement, risk), absolute
 
 
-def _out_of_range(why: Why, updated: Why, capture: Capture, depth: Array) -> dict[str, float]:
-    """Shares of the depths that are behind the camera, and out of range; DataError where there is none."""
-    total, outside = int((why == 0).sum()), int((updated == REASONS.index("out of range")).sum())
-    if not (updated == 0).any():
-        reasons = ", ".join(
-            f"{int((updated == i).sum())} {name}" for i, name in enumerate(REASONS) if (updated == i).any()
-        )
-        remedy = f"give more light, project frequencies that are closer together; {_PLACE}"
-        raise DataError(capture.source, f"no pixel with a depth ({reasons})", "some", remedy)
-    behind = int((~np.isfinite(depth) & (why == 0)).sum())
-    return {"behind_the_camera": behind / total, "out_of_range": outside / total}
+def _no_cosine(phases: Phases, why: Why) -> float:
+    """Share of the variation over the steps that is no cosine, of the median lit pixel and the worst frequency."""
+    lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
+    return float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
+
+
+def _check_some(why: Why, capture: Capture) -> None:
+    """Raises DataError where no pixel has a depth."""
+    if not (why == 0).any():
+        counts = [f"{int((why == i).sum())} {name}" for i, name in enumerate(REASONS) if (why == i).any()]
+        remedy = "check the light, the order of the frames, the calibration, and near and far (--near, --far)"
+        raise DataError(capture.source, f"no pixel with a depth ({', '.join(counts)})", "some", remedy)
 
 
 def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phases, capture: Capture) -> xr.Dataset:

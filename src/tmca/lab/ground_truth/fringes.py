@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.attributes import Attributes, read_json
 from tmca.data import atomic_path, write_json
-from tmca.errors import DataError, SettingError, check_choice
-from tmca.lab.frames import Frames, read_frames, warn_of_copies, write_frames
-from tmca.lab.ground_truth.phase import Phases, rung_offsets
-from tmca.lab.notes import read_json
+from tmca.errors import DataError, SettingError, check_choice, check_range
+from tmca.lab.frames import Frames, read_frames, write_frames
 
 MANIFEST = "fringes.json"
 _FORMAT = "tmca fringes 1"
 _LEVELS = 255
+_MOST_STEPS, _WIDEST = 1024, 2**15
 Across = Literal["x", "y"]
 
 
@@ -52,6 +52,8 @@ class FringePlan:
         check_choice("across", self.across, ("x", "y"))
         if self.steps < 3:
             raise SettingError("steps", str(self.steps), "3 or more", "three shifts are the fewest that tell a phase")
+        check_range("steps", self.steps, high=_MOST_STEPS)
+        check_range("projector", max(self.size), high=_WIDEST, unit="pixels")
         if not self.fringes or self.fringes[0] < 1 or sorted(set(self.fringes)) != list(self.fringes):
             raise SettingError("fringes", str(self.fringes), "ascending whole numbers from 1")
         if self.fringes[-1] * 4 > self.extent:
@@ -94,6 +96,16 @@ def write_fringes(plan: FringePlan, folder: str | Path, *, overwrite: bool = Fal
     return Path(folder)
 
 
+class _Manifest(Attributes):
+    """What ``fringes.json`` says."""
+
+    format: Literal["tmca fringes 1"]
+    size: tuple[int, int]
+    fringes: tuple[int, ...]
+    steps: int
+    across: str
+
+
 def load_plan(path: str | Path) -> FringePlan:
     """The plan of a manifest, or of the folder it lies in.
 
@@ -102,24 +114,12 @@ def load_plan(path: str | Path) -> FringePlan:
         SettingError: an impossible plan.
     """
     file = Path(path) / MANIFEST if Path(path).is_dir() else Path(path)
-    about = read_json(file, "a manifest of fringes", "write it with tmca scan fringes")
-    if about.get("format") != _FORMAT:
-        raise DataError(file, f"the format {about.get('format')!r}", repr(_FORMAT), "write it with tmca scan fringes")
-    try:
-        size, fringes = tuple(about["size"]), tuple(int(f) for f in about["fringes"])
-        return FringePlan(size, fringes, int(about["steps"]), about["across"])
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, SettingError):
-            raise
-        raise DataError(file, f"no usable {error}", "size, fringes, steps, across") from error
+    about = read_json(file, _Manifest, "a manifest of fringes, which tmca scan fringes writes").model_dump()
+    return FringePlan(**{name: value for name, value in about.items() if name != "format"})
 
 
-_SATURATED, _LIT = 0.5, 0.01
-"""Shares of the pixels: more saturated, or fewer lit ones than these, and the capture is refused."""
-_AGREE = 0.5
-"""Mean of the phases' directions, 1 where all pixels agree."""
-_CONTRAST = 8.0
-"""A lit pixel's swing over the steps, in standard deviations of the noise."""
+_SATURATED = 0.5
+"""Share of the pixels beyond which saturation refuses a capture."""
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,6 @@ def read_capture(path: str | Path, plan: FringePlan, saturation: float | None = 
         worst = frames.names[chosen[int(saturated.mean(axis=(1, 2)).argmax())]]
         found = f"{share:.0%} of the pixels saturated (most in {worst})"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
-    warn_of_copies(replace(frames, names=tuple(frames.names[i] for i in chosen), values=values))
     shape = (len(plan.fringes), plan.steps, *values.shape[1:])
     return Capture(Path(path), values.reshape(shape), np.asarray(saturated.any(axis=0)), frames.step)
 
@@ -173,65 +172,3 @@ def _in_order(frames: Frames, plan: FringePlan) -> list[int]:
         remedy = f"name them {wanted[0]} … {wanted[-1]}, or pass the manifest they were projected from"
         raise DataError(frames.source, f"{len(frames.names)} frames", expected, remedy)
     return list(range(len(wanted)))
-
-
-def lit_pixels(capture: Capture) -> NDArray[np.bool_]:
-    """Pixels ``(H, W)`` whose light changes over the steps of every frequency, whatever their order.
-
-    Raises:
-        DataError: hardly any.
-    """
-    swing = np.ptp(capture.values, axis=1).min(axis=0)
-    floor = _CONTRAST * max(_frame_noise(capture.values), capture.step / np.sqrt(12))
-    lit = (swing > floor) & ~capture.saturated
-    if lit.mean() < _LIT:
-        found = f"fringes on {lit.mean():.1%} of the pixels (the median swing is {np.median(swing):.3g})"
-        raise DataError(capture.source, found, f"{_LIT:.0%} or more", "give more light, or put the frames in order")
-    return np.asarray(lit)
-
-
-def _frame_noise(values: NDArray[np.float32]) -> float:
-    """Standard deviation of a frame's noise: the smaller of two estimates, each of which can only be too large.
-
-    One is from second differences between neighbours, where texture counts too; the other from the mean light of each
-    frequency, which is the same in any order but not where a frame is missing.
-    """
-    from scipy.stats import chi2
-
-    frequencies, steps = values.shape[:2]
-    mixed = np.diff(np.diff(values[0, :2], axis=-1), axis=-2)
-    between = float(np.median(np.abs(mixed)) / 0.6745 / 2)
-    if frequencies == 1:
-        return between
-    spread = values.mean(axis=1, dtype=np.float64).var(axis=0, ddof=1)
-    return min(between, float(np.sqrt(steps * np.median(spread) * (frequencies - 1) / chi2.median(frequencies - 1))))
-
-
-def disorder(capture: Capture, plan: FringePlan, phases: Phases, lit: NDArray[np.bool_]) -> dict[str, float]:
-    """Residuals that frames in order leave small, of the worst frequency.
-
-    ``light_of_frequencies``: the steps of a frequency add up to the same light, whichever it is; a difference over a
-    step's part of the fringes' amplitude. ``light_of_steps``: the same from pixel to pixel, which a frame of another
-    frequency among them changes. ``no_cosine``: share of the variation over the steps that is no cosine.
-    ``turned_rad``: phase by which a frequency is turned against the coarser ones, over the better half of the pixels;
-    half a turn where they do not agree from pixel to pixel.
-    """
-    worst = phases.std.max(axis=0)
-    clear = lit & (worst <= np.median(worst))
-    light, modulation = phases.offset[:, clear], np.median(phases.modulation[:, clear], axis=0)
-    amplitude = float(np.median(modulation))
-    usual = np.median(light, axis=1, keepdims=True)
-    even = light * float(np.median(usual)) / usual  # a lamp that drifts makes all of a frequency brighter alike
-    others = [np.median(np.delete(even, f, axis=0), axis=0) for f in range(len(even))] if len(even) > 1 else list(even)
-    away = max(float(np.median(np.abs(one - other) / modulation)) for one, other in zip(even, others, strict=True))
-    noise = 2 * 0.6745 * _frame_noise(capture.values) / np.sqrt(plan.steps)
-    turned = [
-        np.pi if abs(mean) < _AGREE else abs(float(np.angle(mean)))
-        for _, mean in rung_offsets(phases, plan.fringes, clear)
-    ]
-    return {
-        "light_of_frequencies": float(np.abs(usual - np.median(usual)).max()) * plan.steps / amplitude,
-        "light_of_steps": float(max(away - noise / amplitude, 0.0)) * plan.steps,
-        "no_cosine": float(np.median(phases.misfit[:, lit], axis=1).max()),
-        "turned_rad": max(turned, default=0.0),
-    }

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import BeforeValidator, Field
 
+from tmca.attributes import Attributes, read_json
 from tmca.data import write_json
 from tmca.errors import DataError
 from tmca.lab.ground_truth.fringes import Across
-from tmca.lab.notes import read_json
 
 Array = NDArray[np.float64]
 _ROUNDS = 20
+_MOST_PIXELS = 2**26
+Pixels = Annotated[int, Field(ge=1, le=2**20)]
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,42 @@ class ProjectorCalibration:
         return write_json(about | places, path, overwrite=overwrite)
 
 
+def _flat(value: Any) -> Any:
+    """The numbers of nested lists, in their order."""
+    return [one for part in value for one in _flat(part)] if isinstance(value, list) else [value]
+
+
+Flat = BeforeValidator(_flat)
+Nine = Annotated[list[float], Flat, Field(min_length=9, max_length=9)]
+Three = Annotated[list[float], Flat, Field(min_length=3, max_length=3)]
+
+
+class _StatedLens(Attributes):
+    """A lens as the file states it."""
+
+    size: tuple[Pixels, Pixels]
+    matrix: Nine
+    distortion: Annotated[list[float], Flat, Field(max_length=5, default_factory=list)]
+
+    def lens(self, where: str) -> Lens:
+        """The lens; numbers of its distortion that are not stated are zero."""
+        matrix, (height, width) = np.reshape(self.matrix, (3, 3)), self.size
+        if height * width > _MOST_PIXELS:
+            raise DataError(where, f"{height}×{width} pixels", f"at most {_MOST_PIXELS}", "correct its size")
+        if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+            raise DataError(where, "a focal length that is not positive", "pixels above 0")
+        return Lens(self.size, matrix, np.array([*self.distortion, *np.zeros(5)][:5]))
+
+
+class _Stated(Attributes):
+    """What the file states."""
+
+    camera: _StatedLens
+    projector: _StatedLens
+    rotation: Nine
+    translation_m: Three
+
+
 def load_calibration(path: str | Path) -> ProjectorCalibration:
     """Read ``camera`` and ``projector`` (``size``, ``matrix``, ``distortion``), ``rotation``, ``translation_m`` from
     JSON.
@@ -101,54 +140,12 @@ def load_calibration(path: str | Path) -> ProjectorCalibration:
     Raises:
         DataError: missing or unreadable file, a missing or impossible entry.
     """
-    file = Path(path)
-    about = read_json(file, "a calibration", "see docs/ground-truth.md")
-    rotation, translation = _numbers(about, "rotation", (3, 3), file), _numbers(about, "translation_m", (3,), file)
+    stated = read_json(path, _Stated, "a calibration, see docs/ground-truth.md")
+    rotation, translation = np.reshape(stated.rotation, (3, 3)), np.array(stated.translation_m)
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) or np.linalg.det(rotation) < 0:
-        raise DataError(file, "a rotation that is no rotation", "an orthonormal matrix of determinant 1")
-    distance = float(np.linalg.norm(translation))
-    if not 1e-3 <= distance <= 10:
-        raise DataError(file, f"a projector {distance:g} m from the camera", "1 mm to 10 m", "give metres")
-    return ProjectorCalibration(_lens(about, "camera", file), _lens(about, "projector", file), rotation, translation)
-
-
-def _lens(about: dict[str, Any], name: str, file: Path) -> Lens:
-    part = about.get(name)
-    if not isinstance(part, dict):
-        raise DataError(file, f"no {name}", f"{name} with size, matrix, distortion")
-    size = _numbers(part, "size", (2,), file, name)
-    if (size != np.round(size)).any():
-        raise DataError(file, f"{name}.size of {size[0]:g}×{size[1]:g} pixels", "whole pixels, [height, width]")
-    height, width = (int(n) for n in size)
-    matrix = _numbers(part, "matrix", (3, 3), file, name)
-    if not (matrix[0, 0] > 0 and matrix[1, 1] > 0 and height > 0 and width > 0):
-        raise DataError(file, f"a {name} with a focal length or size that is not positive", "pixels above 0")
-    return Lens((height, width), matrix, _distortion(part.get("distortion", []), file, name))
-
-
-def _distortion(given: Any, file: Path, name: str) -> Array:
-    """The five numbers of Brown's model; those that are not given are zero."""
-    expected, bent = "finite numbers k1, k2, p1, p2, k3", np.zeros(5)
-    try:
-        values = np.ravel(np.asarray(given, dtype=np.float64))
-    except (TypeError, ValueError):
-        raise DataError(file, f"distortion {given!r} of the {name}", expected) from None
-    if values.size > 5 or not np.isfinite(values).all():
-        raise DataError(file, f"{values.size} numbers of distortion of the {name}", expected)
-    bent[: values.size] = values
-    return bent
-
-
-def _numbers(about: dict[str, Any], name: str, shape: tuple[int, ...], file: Path, of: str = "") -> Array:
-    where = f"{of}.{name}" if of else name
-    try:
-        values = np.asarray(about[name], dtype=np.float64)
-    except (KeyError, TypeError, ValueError) as error:
-        raise DataError(file, f"no numbers for {where}", f"an array of shape {shape}") from error
-    values = values.reshape(shape) if values.size == np.prod(shape) else values
-    if values.shape != shape or not np.isfinite(values).all():
-        raise DataError(file, f"{where} of shape {values.shape}", f"finite numbers of shape {shape}")
-    return values
+        raise DataError(path, "a rotation that is no rotation", "an orthonormal matrix of determinant 1")
+    camera, projector = stated.camera.lens(f"{path}: camera"), stated.projector.lens(f"{path}: projector")
+    return ProjectorCalibration(camera, projector, rotation, translation)
 
 
 _BENDS = 8

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import label, label_depth, label_spectral_depth
+from tmca.data import label, label_depth, label_spectral_depth, read_dataset
 from tmca.errors import DataError, SettingError
 from tmca.lab.frames import check_size
 
@@ -114,18 +114,15 @@ def open_part(path: str | Path, names: tuple[str, ...], made_by: str) -> xr.Data
     Raises:
         DataError: missing, damaged, or without one of the variables.
     """
-    from tmca.data.formats.arrays import open_labelled
-
     path = Path(path)
     if not path.exists():
         raise DataError(path, "no such file", f"a file of {made_by}", "check the path")
-    with open_labelled(path) as dataset:
-        there = [str(name) for name in dataset.data_vars]
-        gone = [name for name in names if name not in there]
-        if gone:
-            found = f"no {gone[0]} ({', '.join(there) or 'nothing'})"
-            raise DataError(path, found, f"a file of {made_by}", f"write it with {made_by}")
-        return dataset.load().assign_attrs(source=str(path))
+    dataset = read_dataset(path)
+    there = [str(name) for name in dataset.data_vars]
+    if gone := [name for name in names if name not in there]:
+        found = f"no {gone[0]} ({', '.join(there) or 'nothing'})"
+        raise DataError(path, found, f"a file of {made_by}", f"write it with {made_by}")
+    return dataset.assign_attrs(source=str(path))
 
 
 def open_cube(path: str | Path) -> xr.DataArray:

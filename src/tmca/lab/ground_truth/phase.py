@@ -235,22 +235,6 @@ def temporal_unwrap(phases: Phases, fringes: tuple[int, ...]) -> tuple[Array, Ar
     return absolute, worst, risk
 
 
-def rung_offsets(phases: Phases, fringes: tuple[int, ...], inside: NDArray[np.bool_]) -> list[tuple[int, complex]]:
-    """How each rung agrees with the one below: mean of ``exp(i difference)``, which is near 1 for frames in order.
-
-    Rungs too far above the one below for noise to leave a mean are left out.
-    """
-    offsets, rungs = [], ladder(fringes)
-    (absolute, std), below = _mixed(phases, rungs[0][1]), 1
-    for count, coefficients in rungs[1:]:
-        phase, own_std = _mixed(phases, coefficients)
-        off = wrapped(phase - count / below * (absolute % (_TURN * below)))
-        if np.median(np.hypot(own_std, count / below * std)[inside]) < 1:
-            offsets.append((count, complex(np.exp(1j * off[inside]).mean())))
-        absolute, std, below = count / below * (absolute % (_TURN * below)) + off, own_std, count
-    return offsets
-
-
 def _mixed(phases: Phases, coefficients: NDArray[np.int64]) -> tuple[Array, Array]:
     """Phase of a sum of measured phases, and its standard deviation."""
     with np.errstate(invalid="ignore"):

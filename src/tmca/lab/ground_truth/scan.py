@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import label, metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError, check_range
-from tmca.lab.frames import Frames, check_size, named, read_frames, warn_of_copies
+from tmca.lab.frames import Frames, check_size, named, read_frames
 from tmca.lab.ground_truth.spectra import read_spectra
 from tmca.lab.importing import dark_noise
-from tmca.lab.quality import Limit, Limits, quality_of, warn_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,11 +26,6 @@ Array = NDArray[np.float64]
 _DARKEST = 5.0
 """Standard deviations of a pixel's noise by which a white has to be brighter than the dark, at its median."""
 _SATURATED = 0.5
-LIMITS: Limits = {
-    # no surface sends back more than it gets; a scene that is nearer to the lamp than the white comes to 1.3
-    "median_reflectance": Limit(1.3, "are scene and white in each other's place, or in other light or exposure?"),
-    "below_the_dark": Limit(5.0, "capture scene or dark again"),
-}
 
 
 def check_alike(scene: Frames, white: Frames, dark: Frames) -> None:
@@ -43,26 +37,12 @@ def check_alike(scene: Frames, white: Frames, dark: Frames) -> None:
             raise DataError(other.source, found, f"{scene.kind} as the scene's", remedy)
 
 
-def check_light(scene: Frames, white: Frames, dark: Array, nm: Array, noise: Array) -> None:
-    """Refuse scans that are mostly saturated, and bands in which even the white is dark.
-
-    Args:
-        scene, white: a frame per band.
-        dark: (L, H, W) or (1, H, W).
-        nm: of the bands.
-        noise: (L,) standard deviation of a pixel of the white.
-    """
-    for frames in (scene, white):
-        share = frames.saturated.mean(axis=(1, 2))
-        if share.max() > _SATURATED:
-            found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
-            raise DataError(frames.source, found, f"{_SATURATED:.0%} at most", "expose for less time")
-    full, least = np.median(white.values - dark, axis=(1, 2)), _DARKEST * noise
-    if (full <= least).any():
-        band = int((full - least).argmin())
-        found = f"a white of {full[band]:.3g} above the dark at {nm[band]:g} nm"
-        remedy = "expose for longer, or swap dark and white back"
-        raise DataError(white.source, found, f"more than {least[band]:.3g}", remedy)
+def _check_saturation(frames: Frames) -> None:
+    """Raises DataError for a band that is mostly saturated."""
+    share = frames.saturated.mean(axis=(1, 2))
+    if share.max() > _SATURATED:
+        found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
+        raise DataError(frames.source, found, f"{_SATURATED:.0%} at most", "expose for less time")
 
 
 _NM = re.compile(r"(\d+(?:\.\d+)?) ?nm(?![a-z])", re.IGNORECASE)
@@ -110,9 +90,8 @@ def read_scan(
         saturation: see `tmca.lab.frames.read_frames`.
 
     Raises:
-        DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes or types, a
-            scene or white that is mostly saturated, a band without light or with a scene below the dark, or frames that
-            are copies of each other.
+        DataError: missing frames, other wavelengths than those asked for or than the scene's, other sizes or types, or
+            a scene or white that is mostly saturated.
         SettingError: frames of unknown wavelength and none given.
     """
     asked = None if wavelengths is None else np.asarray(metres_to_nm(np.asarray(wavelengths)))
@@ -123,9 +102,8 @@ def read_scan(
     frames, nm, of_scene = _bands(taken, asked)
     whites, _, of_white = _bands(bright, nm)
     below, count, noise = _dark(black, nm)
-    each = max(noise, frames.step / np.sqrt(12)) / np.sqrt(of_white)
-    check_light(frames, whites, below, nm, each)
-    warn_of_copies(taken, bright)
+    for part in (frames, whites):
+        _check_saturation(part)
     return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise)
 
 
@@ -201,7 +179,7 @@ def measure_reflectance(
     Raises:
         SettingError: an impossible noise or reflectance of the white; dark frames of floats without any noise, and none
             given.
-        DataError: no pixel is measured, or most are brighter than white can be.
+        DataError: no pixel is measured.
     """
     white = np.broadcast_to(np.asarray(white_reflectance, dtype=np.float64), scan.nm.shape)[:, None, None]
     if not ((white > 0) & (white <= 1.5)).all():
@@ -221,23 +199,7 @@ def measure_reflectance(
         ratio = above / range_
         dark = floor / scan.dark_frames[:, None, None]
         std = white * np.sqrt(noise[0] + ratio**2 * noise[1] + (1 - ratio) ** 2 * dark) / np.abs(range_)
-    residuals = _unlikely(white * ratio, quality == 0, std, scan)
-    warn_of(scan.source, residuals, LIMITS)
-    about = {**residuals, "largest_residual_over_its_limit": quality_of(residuals, LIMITS)}
-    return _labelled(scan, white * ratio, std, quality).assign_attrs(about)
-
-
-def _unlikely(cube: Array, good: NDArray[np.bool_], std: Array, scan: Scan) -> dict[str, float]:
-    """Residuals that scans of real surfaces leave small: a reflectance above white or below the dark."""
-    values = np.where(good, cube, np.nan)
-    medians, noise = (
-        np.array([np.median(band[valid]) if valid.any() else np.nan for band, valid in zip(part, good, strict=True)])
-        for part in (cube, std)
-    )
-    return {
-        "median_reflectance": float(np.nanmedian(values)),
-        "below_the_dark": float(np.nanmax(np.maximum(-medians / noise, 0.0))),
-    }
+    return _labelled(scan, white * ratio, std, quality)
 
 
 def _variance(scan: Scan, read_noise: float | None, gain: float) -> float:

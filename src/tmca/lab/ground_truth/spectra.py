@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.metrics import sam
+from tmca.text_files import read_text
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -69,10 +70,7 @@ def read_spectra(path: str | Path) -> Spectra:
         numbers.
     """
     path = Path(path)
-    try:
-        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
-    except OSError as error:
-        raise DataError(path, f"no readable file ({error.strerror})", "a text file of spectra") from error
+    lines = read_text(path, "a text file of spectra", lenient=True).splitlines()
     rows, heading = _rows(path, lines)
     table = np.array(rows)
     nm, values = table[:, 0], table[:, 1:].T
@@ -134,11 +132,6 @@ class Comparison:
     angle: float
     rmse: float
     filters: dict[str, tuple[float, float]]
-
-    @property
-    def scale(self) -> float:
-        """By what the spectrum is multiplied to come nearest to the reference; 1 where both have the same units."""
-        return float(self.spectrum @ self.reference / (self.spectrum @ self.spectrum))
 
     def row(self) -> dict[str, Any]:
         """For a table or JSON."""

@@ -1,0 +1,119 @@
+"""What in HDF5 files leads the library astray: where it would step for ever, crash, ask for all memory, or read others.
+
+See the "HDF5 File Format Specification", levels 0A (superblock) and 1E (global heap), and "HDF5 Dimension Scale
+Specification".
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import h5py
+
+_LOOKED_AT = 2**18
+"""Bytes at either end of a file, where writers put what describes its data."""
+_HDF5, _FIRST_BLOCK, _LAST_BLOCK = b"\x89HDF\r\n\x1a\n", 512, 2**16
+"""Signature of a superblock: at the beginning, or where a power of two of bytes of something else lie before it."""
+_HEAP, _HEAD, _OBJECT = b"GCOL\x01\x00\x00\x00", 16, struct.Struct("<HHIQ")
+
+
+def misleading(path: Path) -> str:
+    """What in the bytes of a file is astray, in words; nothing where all is well.
+
+    Only the first and last 256 kB are looked at.
+    """
+    with path.open("rb") as file:
+        ends = [file.read(_LOOKED_AT)]
+        if (size := path.stat().st_size) > _LOOKED_AT:
+            file.seek(max(_LOOKED_AT, size - _LOOKED_AT))
+            ends.append(file.read())
+    if _names_driver(ends[0]):
+        return "a damaged superblock"
+    stuck = any(_stuck(end, place) for end in ends for place in _places(end))
+    return "a damaged heap of texts and references" if stuck else ""
+
+
+def _names_driver(data: bytes) -> bool:
+    """Whether a superblock of version 0 or 1 names a block about a driver, which files in one piece do not have: the
+    library would take its size from anywhere."""
+    start = 0
+    while data[start : start + len(_HDF5)] != _HDF5:
+        start = 2 * start or _FIRST_BLOCK
+        if start > _LAST_BLOCK:
+            return False
+    version, size = data[start + 8], data[start + 13]
+    place = start + 24 + 4 * version + 3 * size  # behind the addresses of base, free space and end
+    return version < 2 and data[place : place + size] != b"\xff" * size
+
+
+def _places(data: bytes) -> Iterator[int]:
+    place = data.find(_HEAP)
+    while place >= 0:
+        yield place
+        place = data.find(_HEAP, place + 1)
+
+
+def _stuck(data: bytes, start: int) -> bool:
+    """Whether free space of a heap (index 0) has no size, over which the library steps on the spot; objects are walked
+    as the library does: free space counts its head, the others do not."""
+    if start + _HEAD > len(data):
+        return False
+    end = min(len(data), start + int.from_bytes(data[start + 8 : start + _HEAD], "little"))
+    place = start + _HEAD
+    while place + _OBJECT.size <= end:
+        index, _, _, size = _OBJECT.unpack_from(data, place)
+        if index == 0 and size == 0:
+            return True
+        place += size if index == 0 else _OBJECT.size + size + -size % 8
+    return False
+
+
+def lies_elsewhere(file: h5py.File, datasets: Mapping[str, h5py.Dataset]) -> str:
+    """Name of the first entry of a file that lies in another one: a link out of it, or a dataset whose numbers are
+    there; nothing where all of it is here."""
+    from h5py import h5d, h5l
+
+    outside = file.id.links.visit(lambda name, link: name if link.type >= h5l.TYPE_EXTERNAL else None, info=True)
+    if outside is not None:
+        return str(outside.decode("utf-8", "replace"))
+    for name, item in datasets.items():
+        how = item.id.get_create_plist()
+        virtual = range(how.get_virtual_count()) if how.get_layout() == h5d.VIRTUAL else ()
+        if how.get_external_count() or any(how.get_virtual_filename(part) != "." for part in virtual):
+            return name
+    return ""
+
+
+def damaged_scales(dataset: h5py.Dataset) -> str:
+    """Name of the attribute that ties a dataset to its axes and is of another type than the library takes it for, which
+    would write over its own memory; nothing where all is well."""
+    from h5py import h5a
+
+    for name, fits in ((b"DIMENSION_LIST", _lists_scales), (b"REFERENCE_LIST", _lists_places)):
+        if h5a.exists(dataset.id, name):
+            attribute = h5a.open(dataset.id, name)
+            if len(attribute.shape) != 1 or not fits(attribute, dataset):
+                return name.decode()
+    return ""
+
+
+def _lists_scales(attribute: Any, dataset: h5py.Dataset) -> bool:
+    """Whether it holds a list of references for each axis."""
+    from h5py import h5t
+
+    kind = attribute.get_type()
+    lists = isinstance(kind, h5t.TypeVlenID) and isinstance(kind.get_super(), h5t.TypeReferenceID)
+    return lists and attribute.shape == (dataset.ndim,)
+
+
+def _lists_places(attribute: Any, dataset: h5py.Dataset) -> bool:
+    """Whether it holds references with the number of an axis."""
+    from h5py import h5t
+
+    kind = attribute.get_type()
+    pairs = isinstance(kind, h5t.TypeCompoundID) and kind.get_nmembers() == 2
+    return pairs and isinstance(kind.get_member_type(0), h5t.TypeReferenceID)

@@ -1,0 +1,32 @@
+"""A command that is asked to stop stops, wherever it is."""
+
+import subprocess
+import sys
+
+import pytest
+
+COMMAND = """
+import os, signal, sys, time
+import tmca.cli.app
+from tmca.cli import main
+
+class Asked:
+    def __del__(self):
+        os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+        for _ in range(1000):
+            pass
+
+def command(tokens, **how):
+    Asked()
+    time.sleep(30)
+
+tmca.cli.app.app = command
+main(["simulate"])
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGINT"])
+def test_a_signal_in_a_destructor_is_not_passed_over(number):
+    """Python goes on where a destructor raises: the command would end as if nobody had asked."""
+    done = subprocess.run([sys.executable, "-c", COMMAND, number], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "tmca: stopped; finished files are whole\n")

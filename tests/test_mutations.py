@@ -1,0 +1,94 @@
+"""Key lines of the source, each made wrong in a copy of it: the quick tests of its subject notice."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MUTATIONS = {
+    "sign of the shear": (
+        "operators/light_field.py",
+        "edge + int(step) * v",
+        "edge - int(step) * v",
+        ("operators/test_light_field.py", "slow_loops_give and thesis"),
+    ),
+    "sign of the dispersion": (
+        "operators/spectral.py",
+        "tuple(-d for d in dispersion.displacement)",
+        "dispersion.displacement",
+        ("operators/test_spectral.py", "dual_disperser_equals and fractional"),
+    ),
+    "exposure weight": (
+        "operators/linear.py",
+        'return 1 / slots if exposure == "equal" else 1.0',
+        "return 1.0",
+        ("operators/test_spectral.py", "single_disperser_equals and none"),
+    ),
+    "noise variance": (
+        "sensor/sensor.py",
+        "self.shot * snapshot.clamp_min(0)",
+        "self.shot",
+        ("sensor/test_sensor.py", "measured_mean"),
+    ),
+    "offset of the adjoint": (
+        "operators/kernels.py",
+        "offset : offset + columns]\n        if channel in seen:",
+        ":columns]\n        if channel in seen:",
+        ("operators/test_conformance.py", "inner_products and disperser"),
+    ),
+    "binarisation of codes": (
+        "codes/plane.py",
+        "return (logits > 0).to(logits.dtype)",
+        "return torch.sigmoid(slope * logits)",
+        ("codes/test_codes.py", "binary_and_of_the_size"),
+    ),
+    "scale of the full well": (
+        "sensor/sensor.py",
+        "electron = full_scale / self.full_well if self.full_well else 0.0\n        read",
+        "electron = 1 / self.full_well if self.full_well else 0.0\n        read",
+        ("sensor/test_sensor.py", "measured_mean"),
+    ),
+    "noise of the LMMSE": (
+        "priors/gaussian.py",
+        "return noise.read**2 + NOISE_FLOOR",
+        "return NOISE_FLOOR",
+        ("operators/test_blocks.py", "textbook"),
+    ),
+    "peak of the PSNR": (
+        "metrics/cubes.py",
+        "20 * np.log10(data_range)",
+        "10 * np.log10(data_range)",
+        ("metrics/test_cubes.py", "psnr"),
+    ),
+    "sign of the disparity": (
+        "metrics/disparity.py",
+        "np.floor(-step * disparity))\n        fraction = -step * disparity",
+        "np.floor(step * disparity))\n        fraction = step * disparity",
+        ("metrics/test_disparity.py", "moved_view"),
+    ),
+    "step of the conjugate gradients": (
+        "operators/linear.py",
+        "length = energy / inner(direction, image)",
+        "length = 0.5 * energy / inner(direction, image)",
+        ("operators/test_least_norm.py", "pseudo_inverse"),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_a_wrong_line_is_noticed(name, tmp_path):
+    file, right, wrong, (tests, chosen) = MUTATIONS[name]
+    shutil.copytree(ROOT / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    mutant = tmp_path / "src" / "tmca" / file
+    text = mutant.read_text()
+    assert text.count(right) == 1, f"{file} no longer has this line: choose another"
+    mutant.write_text(text.replace(right, wrong))
+    pytest_here = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", f"tests/{tests}"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "src"), "OMP_NUM_THREADS": "1"}
+    done = subprocess.run([*pytest_here, "-m", "not slow", "-k", chosen], cwd=ROOT, env=environment, check=False)
+    assert done.returncode == pytest.ExitCode.TESTS_FAILED
