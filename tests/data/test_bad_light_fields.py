@@ -66,7 +66,7 @@ SPOILT = {
     "an even grid": (lambda f: plain(f, VIEWS[:4, :4]), "bad", "4×4"),
     "an oblong grid": (lambda f: plain(f, VIEWS[:3]), "bad", "3×5"),
     "no numbers": (lambda f: hci(f, without=("num_cams_x", "baseline_mm")), "bad/parameters.cfg", "baseline_mm"),
-    "no text": (lambda f: (hci(f) / "parameters.cfg").write_bytes(b"\xff\xfe"), "bad/parameters.cfg", "unreadable"),
+    "no text": (lambda f: (hci(f) / "parameters.cfg").write_bytes(b"\xff\xfe"), "bad/parameters.cfg", "UTF-8 text"),
     "another resolution": (lambda f: hci(f, size=(512, 512)), "bad/parameters.cfg", "512×512"),
     "another grid": (lambda f: hci(f, side=9), "bad", "9×9 grid"),
     "another grid of names": (lambda f: write_parameters(plain(f), side=9), "bad/parameters.cfg", "num_cams_y = 9"),

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from tmca.arguments import Count, FromArguments, Size, checked
 from tmca.attributes import Attributes, attributes_of
 from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
-from tmca.codes.files import TILE, Axes, Frame, code_variables, tensors
+from tmca.codes.files import TILE, Axes, Frame, by_bucket, code_variables, tensors
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
@@ -390,9 +390,8 @@ class CodedCamera(Camera):
         planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
         if tiled and period is not None:
             planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
-        if len(planes[1]) > self.slots:  # of all buckets
-            planes, shutter = (planes[0], planes[1].unflatten(0, (-1, self.slots))), ("bucket", *shutter)
-        return code_variables(planes, aperture, shutter), {"period": json.dumps(period)}
+        shown, shutter = by_bucket(planes[1], self.slots, shutter)
+        return code_variables((planes[0], shown), aperture, shutter), {"period": json.dumps(period)}
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -18,7 +17,7 @@ from tmca.cameras.sensor_tiles import exposed_in_tiles
 from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array
 from tmca.codes.buckets import bucket_shutters
-from tmca.codes.files import TILE, Axes, compact, tensors
+from tmca.codes.files import TILE, by_bucket, compact, slotted, tensors
 from tmca.errors import SettingError, check_choice
 from tmca.operators.spectral_depth import LayeredOperator, check_pixel, equivalent_psf, framed, transfer_functions
 from tmca.optics import (
@@ -136,7 +135,6 @@ class SpectralDepthCamera(BandCamera):
         learnable: ``True``, ``False``, or some of ``"mask"``, ``"shutter"``, ``"filters"``.
         codes: masks with their optics, and shutter, as a module, in the place of what describes them.
         buckets: R of a pixel: with one, the light of closed slots is lost; with two, it is in the second.
-            The channels of a snapshot are those of the first bucket, then those of the second.
 
     Raises:
         SettingError, ShapeError: an impossible value, or parts that do not fit.
@@ -335,10 +333,10 @@ class SpectralDepthCamera(BandCamera):
         """
         heights, passed = self.point_spread.heights, self.filters.filters.numpy(force=True)
         shown = {"units": "m", "long_name": "height of the mask, larger = longer path: on a mirror, deeper"}
-        tile = TILE if self.shutter.period is not None else ("y", "x")
+        patterns, axes = by_bucket(self.shutter.tile(), self.slots, TILE if self.shutter.period else ("y", "x"))
         parts: dict[str, Any] = {
             "heights": (("slot", "y_mask", "x_mask"), heights().numpy(force=True), shown),
-            "shutter": self._shutter_variable(tile),
+            "shutter": (slotted(axes), compact(patterns), {"units": "1 = open"}),
             "filters": (("filter", "wavelength"), passed, {"long_name": "transmittance"}),
             "cells": (TILE, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
             "response": (("channel", "wavelength"), self.response.numpy(force=True), {"long_name": "response"}),
@@ -353,12 +351,6 @@ class SpectralDepthCamera(BandCamera):
                 parts[name] = (_FAMILIES[name][0], values.numpy(force=True), _FAMILIES[name][1])
             optics |= {} if heights.stroke is None else {"stroke": json.dumps(asdict(heights.stroke))}
         return parts, self._band_coordinates(), optics
-
-    def _shutter_variable(self, tile: Axes) -> tuple[Axes, np.ndarray, dict[str, str]]:
-        values, about = compact(self.shutter.tile()), {"units": "1 = open"}
-        if len(values) == self.slots:
-            return ("slot", *tile), values, about
-        return ("bucket", "slot", *tile), values.reshape(self.buckets, self.slots, *values.shape[1:]), about
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:

@@ -73,9 +73,11 @@ def plane_patterns(shutter: str | Tensor, slots: int, buckets: int, tile: tuple[
         shutter = burst_pattern(slots, tile, buckets)
     if isinstance(shutter, Tensor) and shutter.ndim == 4:
         shutter = _of_all(shutter, slots, buckets)
-    count = slots if isinstance(shutter, str) or shutter.ndim == 2 else len(shutter)
-    if buckets > 1:  # of one bucket the plane itself says what it wants
-        check_patterns(count, buckets, slots)
+    if buckets == 1 or isinstance(shutter, str) or shutter.ndim == 2:
+        count = slots  # patterns of another number are the plane's to refuse
+    else:
+        count = len(shutter)
+    check_patterns(count, buckets, slots)
     return shutter, count
 
 

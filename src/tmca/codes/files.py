@@ -40,12 +40,17 @@ Frame = Annotated[tuple[_Side, _Side], AfterValidator(_few_enough)]
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
     """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
     return {
-        name: (_slotted(axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
+        name: (slotted(axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
         for name, axes, plane in zip(("aperture", "shutter"), (aperture, shutter), planes, strict=True)
     }
 
 
-def _slotted(axes: Axes) -> Axes:
+def by_bucket(shutter: Tensor, slots: int, axes: Axes) -> tuple[Tensor, Axes]:
+    """Shutter patterns and their axes; those of all buckets, (R·K, …), with a dimension of their own."""
+    return (shutter, axes) if len(shutter) == slots else (shutter.unflatten(0, (-1, slots)), ("bucket", *axes))
+
+
+def slotted(axes: Axes) -> Axes:
     """Axes of patterns slot by slot; of a sensor with several buckets, bucket by bucket first."""
     return ("bucket", "slot", *axes[1:]) if axes[0] == "bucket" else ("slot", *axes)
 

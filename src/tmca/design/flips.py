@@ -175,8 +175,9 @@ class TileState:
     def of(cls, camera: CodedCamera, error: TileMse) -> TileState:
         if not isinstance(error.error, BlockMse):
             raise SettingError("flips", f"the error of a {type(error.error).__name__}", "that of a BlockMse")
-        state = cls(error.error, camera.taps().code.detach().double(), [])
-        state.blocks = [BlockState.of(error.error, weights) for weights in state.weights(state.code[None])[0]]
+        blocks = error.error.for_buckets(camera.buckets)
+        state = cls(blocks, camera.taps().code.detach().double(), [])
+        state.blocks = [BlockState.of(blocks, weights) for weights in state.weights(state.code[None])[0]]
         return state
 
     @property

@@ -121,7 +121,7 @@ def descend(
     Raises:
         SettingError: nothing to learn.
     """
-    how = how or Descent()
+    how, error = how or Descent(), error.for_buckets(camera.buckets)
     latents = learnable(camera)
     if how.throughput is not None:
         hold_throughput(camera, how.throughput)
@@ -238,7 +238,6 @@ def search(
     effort, begun = effort or Effort(), time.process_time()
     if effort.flips and not isinstance(error.error, BlockMse):
         raise SettingError("flips", f"{effort.flips} on a {type(error.error).__name__}", "0: flips need a BlockMse")
-    error = error.for_buckets(designable(kind, slots, period, **camera).buckets)
     part = Parts(progress and (lambda share, _: progress(share)), [1.0] * effort.descents + [2.0] * (effort.flips > 0))
     candidates = []
     for number in range(effort.descents):

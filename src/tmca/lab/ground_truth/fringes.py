@@ -115,7 +115,10 @@ def load_plan(path: str | Path) -> FringePlan:
     """
     file = Path(path) / MANIFEST if Path(path).is_dir() else Path(path)
     about = read_json(file, _Manifest, "a manifest of fringes, which tmca scan fringes writes").model_dump()
-    return FringePlan(**{name: value for name, value in about.items() if name != "format"})
+    try:
+        return FringePlan(**{name: value for name, value in about.items() if name != "format"})
+    except SettingError as error:
+        raise SettingError(f"{file}: {error.where}", error.found, error.expected, error.remedy) from error
 
 
 _SATURATED = 0.5
