@@ -62,7 +62,7 @@ def test_a_light_field_without_a_view_is_refused(place, capsys, command):
         write_split([place / name], place / f"{name}.txt")
     there = sorted(place.rglob("*"))
     line = refused(capsys, *COMMANDS[command])
-    assert "scene: found 8 views, without number 4" in line
+    assert "scene: found 8 views, none for number 4" in line
     assert "; " in line, "no remedy"
     assert sorted(place.rglob("*")) == there
 

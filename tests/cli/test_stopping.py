@@ -30,3 +30,19 @@ def test_a_signal_in_a_destructor_is_not_passed_over(number):
     """Python goes on where a destructor raises: the command would end as if nobody had asked."""
     done = subprocess.run([sys.executable, "-c", COMMAND, number], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "tmca: stopped; finished files are whole\n")
+
+
+def test_a_stop_that_comes_while_a_class_is_made_is_a_stop(monkeypatch, capsys):
+    """Python wraps what is raised in ``__set_name__`` into a RuntimeError."""
+    import tmca.cli.app
+    from tmca.cli import main
+
+    class Part:
+        def __set_name__(self, owner, name):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(tmca.cli.app, "app", lambda *tokens, **how: type("Made", (), {"part": Part()}))
+    with pytest.raises(SystemExit) as end:
+        main(["decoders"])
+    assert end.value.code == 130
+    assert "stopped" in capsys.readouterr().err

@@ -223,7 +223,8 @@ def test_cells_of_a_folder_are_read_by_its_pattern(tmp_path):
     ("more", "words"),
     [
         ("--decoders magic", "magic"), ("--frame 30", "--frame"), ("--steps 0", "--steps"), ("--views 4", "4"),
-        ("--frame 64x80", "crop"), ("--views 3 --frame 270x480", "chelsea.nc"), ("--train missing.txt", "missing"),
+        ("--views 3 --frame 30x30", "crop: found 96×96"), ("--views 3 --frame 270x480", "chelsea.nc"),
+        ("--train missing.txt", "missing"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused(folder, tmp_path, capsys, more, words):

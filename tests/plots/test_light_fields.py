@@ -175,4 +175,4 @@ def test_shapes_that_differ_are_refused():
     with pytest.raises(ShapeError):
         light_field_figure({"a": truth[..., :10]}, truth)
     with pytest.raises(ShapeError):
-        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0])
+        disparity_figure({"a": truth[0, 0, :, :10]}, truth[0, 0], truth[0, 0])

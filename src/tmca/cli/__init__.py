@@ -42,19 +42,24 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except TmcaError as error:
         _leave(_in_options(error, tokens))
     except (MemoryError, RuntimeError) as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # Python wraps what comes while a class is made
+            _stopped(error.__cause__)
         if isinstance(error, RuntimeError) and "allocate" not in str(error):
             raise
         _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
     except KeyboardInterrupt as stop:
-        said = str(stop)
-        print(f"tmca: {said or 'stopped; finished files are whole'}", file=sys.stderr)
-        sys.exit(130)
+        _stopped(stop)
     except BrokenPipeError:
         sys.exit(0)
     except PermissionError as error:
         _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     except OSError as error:
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+
+
+def _stopped(stop: KeyboardInterrupt) -> None:
+    print(f"tmca: {str(stop) or 'stopped; finished files are whole'}", file=sys.stderr)
+    sys.exit(130)
 
 
 def _stop_when_asked() -> None:
