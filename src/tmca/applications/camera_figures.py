@@ -24,8 +24,8 @@ def snapshot_figure(snapshot: Snapshot[Any], title: str) -> Figure:
 
 def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
     """Aperture T, shutter S and the code cube T̂ (thesis figure 19), a corner of ``corner`` pixels of each."""
-    cube, shutters = camera.code_cube(), camera.bucket_shutters()
-    shown, cubes = camera.codes()[0], cube.reshape(camera.buckets, -1, *cube.shape[-2:])
+    cube, (shown, shutters) = camera.code_cube(), camera.bucket_codes()
+    cubes = cube.reshape(camera.buckets, -1, *cube.shape[-2:])
     parts = (shown, shutters, cubes) if camera.buckets > 1 else (shown, shutters[0], cubes[0])
     aperture, shutter, code = (plane.detach().cpu().numpy() for plane in parts)
     size = f"first {min(corner, camera.size[0])} × {min(corner, camera.size[1])} of {camera.size[0]} × {camera.size[1]}"

@@ -312,8 +312,7 @@ class CodedCamera(Camera):
             if name not in CODING:
                 expected = f"one of {', '.join(self._arguments())}"
                 raise SettingError(name, "an unknown name", expected, "leave it out")
-        fitted = fitted_codes(codes, self.slots, aperture, shutter, self.buckets, **coding)
-        self.codes = fitted  # type: ignore[assignment]
+        self.codes = fitted_codes(codes, self.slots, aperture, shutter, self.buckets, **coding)  # type: ignore[assignment]
         described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
         self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
 
@@ -343,9 +342,10 @@ class CodedCamera(Camera):
         else:
             self.register_buffer("response", values.flatten())
 
-    def bucket_shutters(self) -> Tensor:
-        """(R, K, H, W') what every bucket of the pixels collects."""
-        return bucket_shutters(self.codes()[1], self.slots, self.buckets)
+    def bucket_codes(self) -> tuple[Tensor, Tensor]:
+        """Aperture (K, H, Wa), and the shutters (R, K, H, W') of every bucket of the pixels."""
+        aperture, shutter = self.codes()
+        return aperture, bucket_shutters(shutter, self.slots, self.buckets)
 
     @property
     def channels(self) -> int:

@@ -153,20 +153,20 @@ class LightFieldCamera(CodedCamera):
     def code_cube(self) -> Tensor:
         """(V, U, H, W) the time-multiplexed code T̂ of eq. (12), without vignetting; with several buckets (R, V, U, H,
         W)."""
-        aperture, shutters = self.codes()[0], self.bucket_shutters()
+        aperture, shutters = self.bucket_codes()
         cubes = [mask_code(aperture, shown, self.shear) for shown in shutters]
         return (cubes[0] if self.buckets == 1 else torch.stack(cubes)) * exposure_weight(self.exposure, self.slots)
 
     def code_through_mask(self) -> Tensor:
         """(V, U, Hm, Wm) the code as seen from the mask, eq. (10): response to the rays through each mask pixel, in the
         units of `code_cube`; of the first bucket."""
-        return code_through_mask(self.codes()[0], self.bucket_shutters()[0], self.shear) * self.exposures
+        aperture, shutters = self.bucket_codes()
+        return code_through_mask(aperture, shutters[0], self.shear) * self.exposures
 
     def build_operator(self, depth: Tensor | None = None) -> TapOperator:
         """The linear part, on scenes (B, V·U, H, W), their views row by row."""
         self._check_no_depth(depth)
-        aperture, how = self.codes()[0], (self.shear, self.vignetting, self.exposure)
-        return of_buckets([coded_mask(aperture, shown, *how) for shown in self.bucket_shutters()])
+        return self._masked(*self.bucket_codes(), self.exposure)
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -176,13 +176,15 @@ class LightFieldCamera(CodedCamera):
         if scene.ndim != 6:
             return super().exact(scene, depth)
         check_shape("scene", scene, ("batch", self.slots, *self.scene_shape))
-        slots = [self._during(k).A(scene[:, k].flatten(1, 2)) for k in range(self.slots)]
+        aperture, shutters = self.bucket_codes()
+        alone = [self._masked(aperture[k : k + 1], shutters[:, k : k + 1]) for k in range(self.slots)]
+        slots = [operator.A(scene[:, k].flatten(1, 2)) for k, operator in enumerate(alone)]
         return torch.stack(slots).sum(0) * exposure_weight(self.exposure, self.slots)
 
-    def _during(self, slot: int) -> TapOperator:
-        """The operator of one slot alone."""
-        aperture, shutters = self.codes()[0][slot : slot + 1], self.bucket_shutters()[:, slot : slot + 1]
-        return of_buckets([coded_mask(aperture, shown, self.shear, self.vignetting) for shown in shutters])
+    def _masked(self, aperture: Tensor, shutters: Tensor, exposure: str = "equal") -> TapOperator:
+        """The operator of some slots, shutters (R, K, H, W) of every bucket."""
+        how = (self.shear, self.vignetting, exposure)
+        return of_buckets([coded_mask(aperture, shown, *how) for shown in shutters])
 
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """(view_v, view_u, y, x), with the three colours of a batch first."""

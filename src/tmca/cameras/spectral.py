@@ -258,7 +258,7 @@ class SpectralCamera(BandCamera, CodedCamera):
 
     def _wide_codes(self) -> tuple[Tensor, Tensor]:
         """Aperture (K, H, W) and shutters (R, K, H, W') of the buckets, dark beside the sensor."""
-        aperture, shutters = self.codes()[0], self.bucket_shutters()
+        aperture, shutters = self.bucket_codes()
         return aperture, pad(shutters, self.beside) if any(self.beside) else shutters
 
     def _on_sensor(self, operator: LinearOperator) -> LinearOperator:

@@ -3,7 +3,7 @@ displacements are fractional."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import torch
 from torch import Tensor
@@ -71,16 +71,36 @@ def solve_tied_blocks(blocks: Tensor, ties: Tensor, right: Tensor) -> Tensor:
 
 
 def least_norm_of_tied_blocks(blocks: Tensor, ties: Tensor, right: Tensor) -> Tensor:
-    """Proximal iterations: singular systems need no rank decision.
-
-    What lies in the null space of ``A Aᵀ`` is multiplied by 1/shift; ``Aᵀ`` removes it again, in double precision.
-    """
+    """See ``least_norm``."""
     identity = torch.eye(blocks.shape[-1]).to(blocks)
-    shift = _SHIFT * blocks.diagonal(dim1=-2, dim2=-1).max().clamp_min(torch.finfo(blocks.dtype).tiny)
-    solution = torch.zeros_like(right)
-    for _ in range(_REFINEMENTS):
+
+    def product(solution: Tensor) -> Tensor:
         image = (blocks @ solution[..., None])[..., 0]
         image[..., :-1, :] += (ties @ solution[..., 1:, :, None])[..., 0]
         image[..., 1:, :] += (ties.mT @ solution[..., :-1, :, None])[..., 0]
-        solution = solution + solve_tied_blocks(blocks + shift * identity, ties, right - image)
+        return image
+
+    def solve(left: Tensor, shift: Tensor) -> Tensor:
+        return solve_tied_blocks(blocks + shift * identity, ties, left)
+
+    return least_norm(product, solve, blocks.diagonal(dim1=-2, dim2=-1).max(), right)
+
+
+def least_norm(
+    product: Callable[[Tensor], Tensor], solve: Callable[[Tensor, Tensor], Tensor], largest: Tensor, right: Tensor
+) -> Tensor:
+    """Proximal iterations: singular systems (a lone fractional band, closed pixels) need no rank decision.
+
+    What lies in the null space of ``A Aᵀ`` is multiplied by 1/shift; ``Aᵀ`` removes it again, in double precision.
+
+    Args:
+        product: with the system.
+        solve: the system plus a shift, for a right-hand side.
+        largest: entry of its diagonal.
+        right: right-hand side.
+    """
+    shift = _SHIFT * largest.clamp_min(torch.finfo(largest.dtype).tiny)
+    solution = torch.zeros_like(right)
+    for _ in range(_REFINEMENTS):
+        solution = solution + solve(right - product(solution), shift)
     return solution

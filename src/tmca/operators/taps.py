@@ -17,6 +17,7 @@ from torch import Tensor
 
 from tmca.errors import ShapeError
 from tmca.operators.bucket_gram import (
+    least_norm,
     least_norm_of_tied_blocks,
     paired_blocks,
     solve_blocks,
@@ -24,8 +25,6 @@ from tmca.operators.bucket_gram import (
 )
 from tmca.operators.kernels import backproject, project
 from tmca.operators.linear import LinearOperator
-
-_SHIFT, _REFINEMENTS = 1e-9, 4
 
 
 @dataclass(frozen=True)
@@ -244,15 +243,14 @@ def solve_tridiagonal(diagonal: Tensor, coupling: Tensor, right: Tensor) -> Tens
 
 
 def _least_norm(diagonal: Tensor, coupling: Tensor, right: Tensor) -> Tensor:
-    """Proximal iterations: singular systems (a lone fractional band, closed pixels) need no rank decision.
+    """See ``least_norm``."""
 
-    What lies in the null space of ``A Aᵀ`` is multiplied by 1/shift; ``Aᵀ`` removes it again, in double precision.
-    """
-    shift = _SHIFT * diagonal.max().clamp_min(torch.finfo(diagonal.dtype).tiny)
-    solution = torch.zeros_like(right)
-    for _ in range(_REFINEMENTS):
+    def product(solution: Tensor) -> Tensor:
         image = diagonal * solution
         image[..., :-1] += coupling * solution[..., 1:]
         image[..., 1:] += coupling * solution[..., :-1]
-        solution = solution + solve_tridiagonal(diagonal + shift, coupling, right - image)
-    return solution
+        return image
+
+    return least_norm(
+        product, lambda left, shift: solve_tridiagonal(diagonal + shift, coupling, left), diagonal.max(), right
+    )
