@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +98,10 @@ kind("dual-snapshot.nc", _take(lambda: _spectral(disperser="dual")), _read_snaps
 kind("coloured-snapshot.nc", _take(_coloured), _read_snapshot)
 kind("views-snapshot.nc", _take(lambda: _views(shear=(1.0, -0.7), exposure="per-slot"), 3), _read_snapshot)
 kind("depth-snapshot.nc", _take(_depth), _read_snapshot)
+kind("buckets-snapshot.nc", _take(lambda: _spectral(buckets=2, exposure="per-slot")), _read_snapshot)
+kind("burst-snapshot.nc", _take(lambda: _spectral(buckets=2, shutter="burst")), _read_snapshot)
+kind("views-buckets-snapshot.nc", _take(lambda: _views(buckets=2)), _read_snapshot)
+kind("depth-buckets-snapshot.nc", _take(lambda: _depth(buckets=2)), _read_snapshot)
 for _name in ("spectral", "light-field", "spectral-depth"):
     kind(f"{_name}-snapshot-0-1.nc", _copied("cameras", "files", f"{_name}-0.1.nc"), _read_snapshot)
 
@@ -113,12 +118,12 @@ kind("inspected-snapshot.nc", _take(_views), _describe)
 # Codes
 
 
-def _codes(path: Path) -> None:
+def _codes(path: Path, buckets: int = 1) -> None:
     from tmca.codes.files import write_codes
 
-    camera = _spectral((8, 9), period=4)
-    codes = camera.codes
-    write_codes(path, codes.aperture.tile(), codes.shutter.tile(), (4, 4), {"kind": "codes", "figure": 1.5})
+    codes = _spectral((8, 9), period=4, buckets=buckets).codes
+    notes = {"kind": "codes", "figure": 1.5}
+    write_codes(path, codes.aperture.tile(), codes.shutter.tile(), (4, 4), notes, buckets=buckets)
 
 
 def _read_codes(path: Path) -> Any:
@@ -126,7 +131,7 @@ def _read_codes(path: Path) -> Any:
     from tmca.specs import SpectralSpec
 
     camera = camera_of(SpectralSpec(codes=str(path)), bands=BANDS, size=(8, 9))
-    return camera.codes(), camera.throughput()
+    return camera.codes(), camera.throughput(), camera.buckets
 
 
 def _phase_codes(path: Path) -> None:
@@ -166,6 +171,7 @@ def _read_vignetting(path: Path) -> Any:
 
 
 kind("codes.nc", _codes, _read_codes)
+kind("buckets-codes.nc", partial(_codes, buckets=2), _read_codes)
 kind("phase-codes.nc", _phase_codes, _read_phase_codes)
 kind("patterns.npy", _patterns, _read_patterns)
 kind("vignetting.npy", _vignetting, _read_vignetting)

@@ -36,7 +36,8 @@ _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 _MOST = 1e30
-"""No quantity of a scene is larger, in whatever unit; powers of larger ones would be infinite."""
+"""No quantity of a scene is larger, in whatever unit, and no divisor smaller than its inverse; powers of larger ones
+would be infinite."""
 
 
 class Way(ABC):
@@ -168,7 +169,7 @@ class Scenario:
             check_range(name, getattr(self, name), 1, whole=True)
         check_range("seed", self.seed, 0, whole=True)
         for name in ("bandwidth_hz", "useful_s", "carrier_hz", "spacing"):
-            check_range(name, getattr(self, name), high=_MOST, above=0)
+            check_range(name, getattr(self, name), 1 / _MOST, _MOST)
         check_choice("messages", self.messages, MESSAGES)
         check_range("prefix_s", self.prefix_s, 0, unit="s")
         check_range("pulse_s", self.duration_s, above=0, unit="s")

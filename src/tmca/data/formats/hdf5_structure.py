@@ -58,17 +58,19 @@ def _places(data: bytes) -> Iterator[int]:
 
 
 def _stuck(data: bytes, start: int) -> bool:
-    """Whether free space of a heap (index 0) has no size, over which the library steps on the spot; objects are walked
-    as the library does: free space counts its head, the others do not."""
+    """Whether a heap has free space (index 0) without a size, over which the library steps on the spot, or an object
+    that ends behind the heap, where it may count backwards; objects are walked as the library does: free space counts
+    its head, the others do not."""
     if start + _HEAD > len(data):
         return False
-    end = min(len(data), start + int.from_bytes(data[start + 8 : start + _HEAD], "little"))
+    end = start + int.from_bytes(data[start + 8 : start + _HEAD], "little")
     place = start + _HEAD
-    while place + _OBJECT.size <= end:
+    while place + _OBJECT.size <= min(len(data), end):
         index, _, _, size = _OBJECT.unpack_from(data, place)
-        if index == 0 and size == 0:
+        step = size if index == 0 else _OBJECT.size + size + -size % 8
+        if step == 0 or place + step > end:
             return True
-        place += size if index == 0 else _OBJECT.size + size + -size % 8
+        place += step
     return False
 
 

@@ -169,9 +169,9 @@ MOTORCYCLE = (994.978, 0.193001, 31.086, 741)
 """Focal length px, baseline m, Δcx px and width of scikit-image's copy (a quarter of Middlebury 2014's)."""
 
 
-_MOST_PX = 1e6
-"""Pixels of a focal length, and millimetres of a baseline, that no camera has."""
-_Positive = Annotated[float, Field(gt=0, le=_MOST_PX)]
+_LEAST, _MOST = 1e-6, 1e6
+"""Pixels of a focal length, millimetres of a baseline and units per metre are within."""
+_Positive = Annotated[float, Field(ge=_LEAST, le=_MOST)]
 
 
 class _Camera(Attributes):
@@ -221,7 +221,7 @@ def middlebury_2014(path: Path) -> Stereo:
     if gone:
         raise DataError(path, f"no number for {', '.join(gone)}", "cam0=[f 0 cx; …], baseline= (mm) and doffs= (px)")
     focal, baseline, offset = (float(number or 0) for number in numbers.values())
-    if not (0 < focal <= _MOST_PX and 0 < baseline <= _MOST_PX):
+    if not (_LEAST <= focal <= _MOST and _LEAST <= baseline <= _MOST):
         raise DataError(path, f"focal length {focal:g} px and baseline {baseline:g} mm", "positive ones")
     return Stereo(focal, baseline / 1000, offset)
 
@@ -250,7 +250,7 @@ def open3d_focal(path: Path) -> float:
         DataError: unreadable, or no such matrix.
     """
     focal = read_json(path, _Camera).intrinsic_matrix[0]
-    if not 0 < focal <= _MOST_PX:
+    if not _LEAST <= focal <= _MOST:
         raise DataError(path, f"intrinsic_matrix [{focal:g}, …]", "nine numbers with the focal length (px) first")
     return float(focal)
 
