@@ -21,7 +21,7 @@ from tmca.errors import OutputError, SettingError
 
 pytestmark = pytest.mark.slow
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
-SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
+SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(1, 3, 10), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 
 
@@ -34,8 +34,8 @@ def folder(tmp_path_factory):
 def few_noises_and_small_scenes():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ranks, "SIZE", (48, 48))
-        patch.setattr(studied, "READ_NOISES", (0.0, 0.001, 0.01))
-        patch.setattr(studied, "FULL_WELLS", (1e3, 1e4))
+        patch.setattr(studied, "READ_NOISES", (0.001, 0.01))
+        patch.setattr(studied, "FULL_WELLS", (1e4,))
         yield
 
 
