@@ -86,7 +86,7 @@ def whole(name, folder, bench):
 
 
 UNFINISHED = {
-    "train": {f"trained/checkpoints/0000002/state.{end}" for end in ("json", "safetensors")},
+    "train": {f"trained/checkpoints/000000{n}/state.{end}" for n in (1, 2, 3, 5) for end in ("json", "safetensors")},
     "tune": {f"tuned/starts/{scene}-PLACE.npy" for scene in "ab"},
 }
 """Files that a command deletes again."""

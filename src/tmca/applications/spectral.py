@@ -12,6 +12,7 @@ from torch import Tensor
 from tmca.applications.base import Application
 from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.moving import FRAMES
 from tmca.cameras import SpectralCamera
 from tmca.errors import DataError
 from tmca.sensor import Sensor, band_wavelengths
@@ -158,6 +159,9 @@ class SpectralApplication(Application):
         from tmca.data import Negative, read
         from tmca.data.formats.opening import open_contents
 
+        with open_contents(path) as contents:
+            if "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims:
+                return super().stored(path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
             cube = read(path, negative=negative)

@@ -46,6 +46,16 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
     return torch.stack([seen(places_passed(displacement, *times)) for times in pairwise(edges)])
 
 
+def moving_object(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
+    """(L, H, W) → (K, L, H, W): the disc in the middle, half as wide as the shorter side, moves as in `moving_scene`
+    before the scene, which stands still and is seen where the disc was."""
+    height, width = scene.shape[1:]
+    y, x = torch.arange(height) - (height - 1) / 2, torch.arange(width) - (width - 1) / 2
+    disc = (y[:, None].square() + x.square() <= (min(height, width) / 4) ** 2).to(scene)
+    seen = moving_scene(torch.cat([disc[None], disc * scene]), displacement, slots)
+    return scene * (1 - seen[:, :1]) + seen[:, 1:]
+
+
 def check_displacement(displacement: tuple[float, float], size: Sequence[int], where: str = "motion") -> None:
     """Raises SettingError for a displacement (rows, columns) that is as large as a scene of (H, W) pixels."""
     if not (abs(displacement[0]) < size[0] and abs(displacement[1]) < size[1]):
