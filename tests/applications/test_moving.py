@@ -64,3 +64,29 @@ def test_an_object_moves_before_the_rest(scene):
 def test_a_damaged_note_of_motion_is_refused(noted):
     with pytest.raises(SettingError, match="motion_pixels"):
         moved_by({"motion_pixels": noted})
+
+
+def test_an_estimate_in_frames_is_drawn_beside_the_truth_and_animated(scene, snapshot, tmp_path):
+    from PIL import Image
+
+    from tmca.applications.pictures import estimate_files, estimate_pictures
+
+    estimate = tmca.reconstruct(snapshot, "space-time-dct", iterations=2)
+    target = tmp_path / "e.nc"
+    files = estimate_pictures(estimate, target, truth=scene)
+    assert [target, *files] == estimate_files(target, "spectral", moving=True)
+    assert Image.open(tmp_path / "e_frames.gif").n_frames == 6  # to and fro
+
+
+def test_a_light_field_in_frames_is_drawn(tmp_path):
+    from tmca.applications.pictures import estimate_pictures
+
+    views = smooth_scene(24, 26, 9, 1).unflatten(0, (3, 3)).float().clamp(0, 1).numpy()
+    camera = tmca.LightFieldCamera(views=3, slots=2, shutter="burst", buckets=2)
+    snapshot = tmca.simulate(views, camera, motion=(1.0, 1.0))
+    prior = GaussianPrior.learn([smooth_scene(30, 30, 9)], (7, 7), views=(3, 3))
+    estimate = tmca.reconstruct(snapshot, "space-time-lmmse", prior=prior, motion=2.0)
+    truth = snapshot.camera.label(torch.from_numpy(views)[None])
+    files = estimate_pictures(estimate, tmp_path / "e.nc", truth=truth)
+    assert all(file.stat().st_size > 1000 for file in files)
+    assert tmca.evaluate(estimate, truth)["psnr"] > 20

@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.applications.base import Application
 from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
-from tmca.applications.moving import FRAMES
+from tmca.applications.moving import FRAMES, MOTION
 from tmca.cameras import SpectralCamera
 from tmca.errors import DataError
 from tmca.sensor import Sensor, band_wavelengths
@@ -172,7 +172,7 @@ class SpectralApplication(Application):
         if cube.attrs.get("scale_from") == "maximum":  # an estimate may be above 1
             cube = cube * cube.attrs["scale"]
         with open_contents(path) as contents:
-            noted = {name: contents.attrs[name] for name in ("scene", "real_capture") if name in contents.attrs}
+            noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
         return cube.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
