@@ -9,7 +9,7 @@ from tests.small_scenes import smooth_scene
 from tmca.applications.moving import frames_of, moved_by
 from tmca.cameras import moving_object, moving_scene
 from tmca.data.cubes import label
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.metrics import psnr
 from tmca.priors import GaussianPrior
 
@@ -62,7 +62,7 @@ def test_an_object_moves_before_the_rest(scene):
 
 @pytest.mark.parametrize("noted", ["fast", [1.0], [float("nan"), 0.0], [1e9, 0.0], None])
 def test_a_damaged_note_of_motion_is_refused(noted):
-    with pytest.raises(SettingError, match="motion_pixels"):
+    with pytest.raises(DataError, match="motion_pixels"):
         moved_by({"motion_pixels": noted})
 
 

@@ -194,7 +194,7 @@ def evaluation_of(
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)
     warn_of_estimate(parts["values"], where)
-    metrics = _metrics(application, camera, parts, scene, moved_by(stored.attrs), _frames(stored, frames))
+    metrics = _metrics(application, camera, parts, scene, moved_by(stored.attrs, where), _frames(stored, frames))
     return Evaluation(application, camera, stored, scene, metrics)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import torch
 
 from tmca.arguments import described
 from tmca.cameras import moving_object, moving_scene
-from tmca.errors import SettingError, check_range
+from tmca.errors import DataError, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -19,6 +20,7 @@ MOTION = "motion_pixels"
 """Note of a snapshot: rows and columns by which its scene moved within the exposure."""
 FRAMES = "slot"
 """Axis of the frames of an estimate."""
+_FARTHEST = 1e6
 
 
 def frames_of(
@@ -39,18 +41,23 @@ def frames_of(
     return [scene.copy(data=one.numpy()) for one in moved]
 
 
-def moved_by(notes: Mapping[str, Any]) -> tuple[float, float]:
+def moved_by(notes: Mapping[str, Any], where: str = "notes") -> tuple[float, float]:
     """Rows and columns by which the scene of a snapshot moved, as its notes say; none where they do not.
 
+    Args:
+        notes: of a snapshot or an estimate.
+        where: their file, for the message.
+
     Raises:
-        SettingError: a damaged note.
+        DataError: a damaged note.
     """
     noted = notes.get(MOTION, (0.0, 0.0))
     try:
         down, across = (float(part) for part in noted)
     except (TypeError, ValueError):
-        raise SettingError(MOTION, described(noted), "rows and columns, pixels") from None
-    check_range(MOTION, max(abs(down), abs(across)), 0, 1e6, unit="pixels")
+        down = across = inf
+    if not (abs(down) < _FARTHEST and abs(across) < _FARTHEST):
+        raise DataError(where, f"{MOTION} {described(noted)}", "rows and columns, pixels", "correct the attribute")
     return down, across
 
 

@@ -161,7 +161,7 @@ class SpectralApplication(Application):
 
         with open_contents(path) as contents:
             if "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims:
-                return super().stored(path)
+                return _with_wavelengths(super().stored(path), path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
             cube = read(path, negative=negative)
@@ -180,3 +180,12 @@ class SpectralApplication(Application):
         camera = super().camera_of(stored, where)
         camera.wavelengths = tuple(stored["wavelength"].values.tolist())
         return camera
+
+
+def _with_wavelengths(stored: xr.Dataset, path: str) -> xr.Dataset:
+    """An estimate in frames; DataError unless every frame is a cube with its wavelengths."""
+    axes = stored["estimate"].dims
+    if {*axes} != {FRAMES, "wavelength", "y", "x"} or "wavelength" not in stored.coords:
+        found = f"an estimate by {', '.join(map(str, axes))}"
+        raise DataError(path, found, f"one by {FRAMES}, wavelength (in metres), y and x", "write it again")
+    return stored
