@@ -196,6 +196,7 @@ def test_frames_of_a_bench_are_measured_as_they_were_taken(capsys, harm, expecte
         (None, ("dark", "bench/dark/dark_00.png"), "two or more"),
         (None, ("flat", "bench/dark"), "ten times its noise"),
         ("linearity/even_5ms_1.png", ("linearity", "bench/linearity"), "at every exposure"),
+        (None, ("buckets", "bench/timing"), "no flat, expected one, on which buckets builds"),
         ("timing/aperture_1_shutter_1.png", ("timing", "bench/timing"), "no aperture_1_shutter_1"),
     ],
 )

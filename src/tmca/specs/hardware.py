@@ -155,9 +155,8 @@ class Hardware:
         """Raises SettingError for a fault that a camera, or a sensor with so many buckets a pixel, cannot have."""
         for name in self.faults():
             if buckets == 1 and name in BUCKETS:
-                raise SettingError(
-                    name, str(getattr(self, name)), "none with one bucket", "take a camera with buckets=2"
-                )
+                expected = "none of a sensor with one bucket"
+                raise SettingError(name, str(getattr(self, name)), expected, "take a camera with buckets=2")
             if name in PARTS[application]:
                 possible = ", ".join(other for other in LIMITS if other not in PARTS[application])
                 raise SettingError(

@@ -17,7 +17,7 @@ from torch import Tensor
 from tmca.cameras import Snapshot
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
-from tmca.codes.buckets import bucket_shutters
+from tmca.codes.buckets import bucket_shutters, check_patterns
 from tmca.decoders import Weights
 from tmca.decoders.nets.weights import shipped_file
 from tmca.errors import DataError, SettingError, ShapeError
@@ -97,7 +97,11 @@ def by_slot(shutter: Tensor, slots: int, buckets: int) -> Tensor:
         shutter: as a camera's codes give it, (K, h, w) or (R·K, h, w).
         slots: K.
         buckets: R.
+
+    Raises:
+        SettingError: patterns that are not those of R buckets.
     """
+    check_patterns(len(shutter), buckets, slots)
     if buckets == 1:
         return shutter
     shutters = bucket_shutters(shutter, slots, buckets)

@@ -120,7 +120,7 @@ def export_codes(
 
     def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
         plane = codes.full(device.plane, sizes.get(device.plane) or _shown_size(codes, device)).numpy()
-        return plane, _placed(device, plane.shape[1:], *places.get(device.plane, ((0, 0), None)))
+        return plane, _placed(device, plane.shape[-2:], *places.get(device.plane, ((0, 0), None)))
 
     return _written(codes, devices, shown, Path(out), exposure, overwrite)
 

@@ -18,9 +18,8 @@ def check_buckets(codes: Planes, device: DeviceDescription) -> None:
     if device.plane != "shutter":
         return
     if codes.buckets != device.buckets:
-        found = f"codes of {codes.buckets}" + (
-            " bucket, the light of closed slots to a drain" if codes.buckets == 1 else ""
-        )
+        drained = " bucket, the light of closed slots to a drain" if codes.buckets == 1 else " buckets"
+        found = f"codes of {codes.buckets}{drained}"
         remedy = f"take a camera with buckets={device.buckets}, or another device"
         raise SettingError(device.name, found, f"{device.buckets}, those of its pixels", remedy)
     shutter = codes.planes["shutter"]
