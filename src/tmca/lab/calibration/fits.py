@@ -248,10 +248,14 @@ def registration(seen: Captured) -> dict[str, Fitted]:
 def timing(seen: Captured) -> dict[str, Fitted]:
     registration = seen.part("registration")
     aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
-    levels, mixing = _pair_levels(seen), seen.part("buckets")
-    transfer = mixing.transfer if seen.buckets > 1 else 0.0
+    levels, *others = _pair_levels(seen)
     measured = measure_timing(
-        levels, aperture_leakage=aperture, aperture_leakage_std=std, transfer=transfer, source=seen.path
+        levels,
+        aperture_leakage=aperture,
+        aperture_leakage_std=std,
+        others=sum(others) if others else None,
+        transfer=seen.part("buckets").transfer if others else 0.0,
+        source=seen.path,
     )
     residuals = {
         "residual_of_a_slot": measured.residual,
@@ -288,8 +292,8 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
 
 
 def _pair_levels(seen: Captured) -> Array:
-    """(K, K) mean light with slot i of the aperture and slot j of the shutter open, of the first bucket; NaN of pairs
-    without a frame."""
+    """(R, K, K) mean light of every bucket with slot i of the aperture and slot j of the shutter open, the others in
+    another bucket; NaN of pairs without a frame."""
     frames, numbers = averaged(seen.frames.values, named(seen.frames, SLOTS, "aperture_0_shutter_1"))
     light = seen.calibration.corrected(frames).mean((-2, -1))
     keys = [(int(i), int(j)) for i, j in numbers]
@@ -298,13 +302,13 @@ def _pair_levels(seen: Captured) -> Array:
     if gone := [pair for pair in wanted if pair not in keys]:
         expected = "every slot of the aperture with that of the shutter and with both beside it"
         raise DataError(seen.path, "no aperture_{}_shutter_{}".format(*gone[0]), expected, "capture it")
-    levels = np.full((slots, slots), np.nan)
     if seen.buckets > 1:
         if (mixing := seen.part("buckets")) is None:
             remedy = "run tmca calibrate buckets first, and name its file with --onto"
             raise DataError(seen.calibration.where, "no buckets", "one, on which timing builds", remedy)
-        light = mixing.unmixed(light)[:, 0]
-    levels[tuple(np.array(keys).T)] = light
+        light = mixing.unmixed(light)
+    levels = np.full((seen.buckets, slots, slots), np.nan)
+    levels[:, *np.array(keys).T] = light.T
     return levels
 
 
