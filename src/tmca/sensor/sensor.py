@@ -87,8 +87,8 @@ class Sensor(nn.Module):
         full_well: electrons at full scale; None switches shot noise off.
         read_noise_electrons: electrons, standard deviation, added to ``read_noise``; needs ``full_well``.
         bits: of the converter; None leaves the values continuous.
-        saturates: clip at full scale; by default where a full well or bits are given. A number is the share of full scale
-            at which a pixel is full and the converter ends, such as 0.5 for each of two buckets that halve the well.
+        saturates: clip at full scale; by default where a full well or bits are given. A number is the share of full
+            scale at which a pixel is full and the converter ends, such as 0.5 for two buckets that halve the well.
         pedestal: share of full scale that the converter keeps below zero, so that noise around black is not clipped.
 
     Raises:

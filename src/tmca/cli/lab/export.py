@@ -41,8 +41,8 @@ def export(
 
     Args:
         source: codes.nc, the folder of a run, weights, a snapshot file, or default: the codes that come with tmca.
-        device: dli4120, pluto-2.1, dmp40, coded-exposure, emulated-shutter, or a YAML file (docs/devices.md); one for
-            each plane of the codes that is shown.
+        device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket, emulated-shutter, or a YAML file
+            (docs/devices.md); one for each plane of the codes that is shown.
         out: folder.
         exposure: of all slots together, seconds.
         code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows.
