@@ -39,6 +39,8 @@ _MOST_CODES = 2**33
 _PLANES = ("aperture", "shutter")
 _IN_CODES = (*_PLANES, "heights", "filters", "channels", "exposure", "energy")
 """Arguments of cameras that files of codes may give."""
+_SHOWN = ("slots", "aperture", "shutter", "buckets", "transmittance", "duty", "codes", "weights", "coloured")
+"""Fields that say what a camera shows."""
 
 
 class CodesWarning(UserWarning):
@@ -98,7 +100,7 @@ def seen_by(spec: CameraSpec, bench: Spec | None = None) -> SeenRange:
 
 def _arguments(spec: CameraSpec, bench: Spec | None, shape: dict[str, Any]) -> dict[str, Any]:
     """Arguments of the constructor that a spec gives: its preset's, the scene's, its own."""
-    preset = getattr(spec, "preset", None)
+    preset = getattr(spec, "preset", None) or (None if spec.only(*_SHOWN) else spec.usual)
     with_files = _ARGUMENTS.get(spec.kind, lambda spec, bench, shape: spec.arguments())(spec, bench, shape)
     return {**(CAMERAS[spec.kind].preset(preset) if preset else {}), **shape, **with_files}
 

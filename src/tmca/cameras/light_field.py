@@ -32,6 +32,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     # its static camera, compressive light-field photography (Marwah 2013)
     "clfp": {"views": 5, "size": (270, 480), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot"},
+    "two-bucket": {"views": 5, "size": (270, 480), "slots": 4, "shutter": "balanced", "buckets": 2},
     "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
 

@@ -44,6 +44,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "thesis": {"bands": 12, "size": (256, 256), "slots": 8, "aperture": "random", "shutter": "random"},
     "cassi": {"bands": 12, "size": (256, 256), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"bands": 12, "size": (256, 256), "slots": 4, "aperture": "random", "shutter": "one-hot"},
+    "two-bucket": {"bands": 12, "size": (256, 256), "slots": 4, "shutter": "balanced", "buckets": 2},
 }
 
 

@@ -23,6 +23,7 @@ class CameraSpec(Spec):
     kind: ClassVar[str]
     sources: ClassVar[tuple[str, ...]] = ("preset", "codes", "weights")
     shape: ClassVar[tuple[str, ...]] = ("size", "bands", "views")  # what a scene gives
+    usual: ClassVar[str | None] = None  # preset where nothing is said of the codes
 
     @classmethod
     def __pydantic_init_subclass__(cls, **arguments: Any) -> None:
@@ -56,8 +57,9 @@ class CodedSpec(CameraSpec):
     buckets: Buckets = 1
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     preset: str | None = None
-    """Start from a named camera: thesis, one-hot, and of the spectral camera cassi (static), of the light field clfp
-    (static) and quick. Other options replace its values."""
+    """Start from a named camera: thesis, one-hot (of the spectral camera where no option says what it shows),
+    two-bucket, and of the spectral camera cassi (static), of the light field clfp (static) and quick. Other options
+    replace its values."""
     period: Pixels | None = None
     "Tile of the codes in pixels; full frame without it."
     seed: Seed = 0
@@ -78,6 +80,7 @@ class SpectralSpec(CodedSpec):
     """The spectral camera."""
 
     kind: ClassVar[str] = "spectral"
+    usual = "one-hot"
     sources: ClassVar[tuple[str, ...]] = (*CodedSpec.sources, "coloured")
 
     weights: str | None = None
