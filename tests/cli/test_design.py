@@ -162,9 +162,15 @@ def test_codes_of_two_buckets_are_designed_and_taken_along(camera, kind, capsys,
     )
     with xr.open_dataset("s.nc") as taken:
         assert taken["snapshot"].sizes["bucket"] == 2
-    assert f"camera.buckets={found['buckets']}" in page
     judged = answer(capsys, "design", "judge", "s.nc", "--figure", "judge.png")
     assert judged["throughput"] == pytest.approx(found["best"]["throughput"], abs=0.02)
+    assert "--set camera.slots=2 --set camera.period=4 --set camera.learn=none --set camera.buckets=2" in page
+    settings = ["camera={size: [24, 30], period: 4, slots: 2, buckets: 2}", "codes.start=d/codes.nc", "data.patch=16"]
+    settings += ["decoder={kind: unet, widths: [4], blocks: 1}", "data.bands=4"]
+    if camera == "spectral":
+        told = [word for setting in settings for word in ("--set", setting)]
+        main(["train", camera, "--train", scenes[0], "--steps", "1", "--out", "run", *told])
+        assert Weights.load("run").camera.buckets == 2
 
 
 def test_scenes_too_small_for_the_blocks_are_named(capsys):

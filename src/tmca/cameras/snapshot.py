@@ -16,10 +16,10 @@ from pydantic import InstanceOf, Json
 from tmca.arguments import checked, described
 from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
-from tmca.cameras.plugins import load_cameras
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
 from tmca.errors import DataError, check_shape
+from tmca.plugins import load_plugins
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -172,6 +172,11 @@ def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
         for name, value in attributes.items()
         if name != _JSON
     }
+
+
+def load_cameras() -> None:
+    """Import the cameras of other packages, each with its application."""
+    load_plugins("tmca.cameras")
 
 
 def holds_snapshot(variables: set[str]) -> bool:

@@ -24,8 +24,9 @@ from torch import Tensor
 from tmca.arguments import checked_settings, described, settings_of
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import DECODERS, load_plugins, register
+from tmca.decoders.registry import DECODERS, register
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
+from tmca.plugins import load_plugins
 from tmca.priors import Prior, find_prior
 
 if TYPE_CHECKING:
@@ -173,9 +174,9 @@ class Decoder(ABC):
     """From a snapshot to the scene; a subclass's fields are its settings, its docstring's ``Args`` their help.
 
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
-    the prior that it needs (``"gaussian"``, ``"mixture"`` or ``"dictionary"``), ``deviation`` whether it can predict
-    its deviation (then it has a setting ``uncertainty``), ``clips`` whether negative values are set to zero, and
-    ``moving`` whether it estimates a scene for every slot.
+    the prior that it needs (``"gaussian"``, ``"mixture"``, ``"dictionary"`` or a kind of another package),
+    ``deviation`` whether it can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
+    negative values are set to zero, and ``moving`` whether it estimates a scene for every slot.
     """
 
     name: ClassVar[str]
@@ -391,5 +392,5 @@ def _decodes(decoder: type[Decoder], kind: str) -> bool:
 
 def decoders() -> Mapping[str, type[Decoder]]:
     """All decoders by name, those of plug-ins included."""
-    load_plugins()
+    load_plugins("tmca.decoders")
     return DECODERS
