@@ -205,6 +205,7 @@ def test_a_snapshot_says_in_a_line_what_it_is(name):
     snapshot = Snapshot(camera(*inputs(camera, batch=1)), camera)
     assert len(repr(snapshot).splitlines()) == 1
     assert camera.kind in repr(snapshot)
+    assert f"buckets={camera.buckets}" in repr(camera)
     assert "data:image/png;base64," in snapshot._repr_html_()
 
 

@@ -189,6 +189,17 @@ def test_a_bench_in_metres_says_the_shear():
     assert camera.shear.step == pytest.approx((1.0, 1.0))
 
 
+@pytest.mark.parametrize(("settings", "words"), [
+    ({"buckets": 2, "shutter": "open"}, "never sees light"),
+    ({"buckets": 2, "slots": 1}, "never sees light"),
+    ({"shutter": "burst"}, "one bucket"),
+])  # fmt: skip
+def test_buckets_that_see_no_light_are_warned_of(settings, words):
+    for kind in ("spectral", "spectral-depth"):
+        with pytest.warns(CodesWarning, match=words):
+            camera_of(CAMERA_SPECS[kind](**settings), size=(64, 64), **({"bands": 4} if kind == "spectral" else {}))
+
+
 def test_a_phase_mask_bench_replaces_parts_of_the_presets():
     camera = camera_of(SpectralDepthSpec(), None, PhaseBenchSpec(pitch=7e-6, psf_window=21), size=(64, 64))
     assert (camera.bench.pitch, camera.bench.window) == (7e-6, (21, 21))

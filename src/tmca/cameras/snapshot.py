@@ -18,7 +18,7 @@ from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
-from tmca.errors import DataError, check_shape
+from tmca.errors import DataError, SettingError, check_shape
 from tmca.plugins import load_plugins
 
 if TYPE_CHECKING:
@@ -44,11 +44,15 @@ class Snapshot(Generic[Kind]):
 
     Raises:
         SettingError: values that are no numbers, or no camera.
+        ShapeError: values of another shape than the camera's snapshots.
     """
 
     values: Array
     camera: Kind
     notes: InstanceOf[dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_shape("values", self.values, ("batch", *self.camera.snapshot_shape), "give them the camera's channels")
 
     def to_xarray(self) -> xr.Dataset:
         """The snapshot with the codes, optics and sensor that made it, labelled.
@@ -56,13 +60,16 @@ class Snapshot(Generic[Kind]):
         Notes are attributes, those that files cannot hold as JSON; those named as the camera's give way.
 
         Raises:
-            ShapeError: several snapshots, or another size than the camera's.
+            ShapeError: several snapshots.
+            SettingError: values that are not finite.
         """
         dataset, axes = self.camera.variables(), self.camera.snapshot_axes(self.values)
         colours = 3 if "colour" in axes else 1
         remedy = "several snapshots are saved one by one"
         check_shape("values", self.values, (colours, *self.camera.snapshot_shape), remedy)
         values = self.values.numpy(force=True)
+        if unknown := int((~np.isfinite(values)).sum()):
+            raise SettingError("values", f"{unknown} that are not finite", "finite numbers", "fill them in")
         dataset["snapshot"] = (axes, values.reshape(_shape(values, axes, self.camera.buckets)), _MEANING)
         if colours == 3:
             dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
@@ -73,6 +80,7 @@ class Snapshot(Generic[Kind]):
         """Write a NetCDF file.
 
         Raises:
+            ShapeError, SettingError: as ``to_xarray``.
             OutputError: the file exists, or cannot be written.
         """
         from tmca.data import write_dataset
