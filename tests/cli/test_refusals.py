@@ -117,7 +117,7 @@ REFUSED = {
         "--exposure 0.001 --pattern-rate 300": "shorter than one pattern",
         "--kinds pretty": "--kinds: found 'pretty', expected some of free, one-hot",
         "--kinds static": "always searched",
-        "--kinds burst --slots 1": "--slots: found 1, expected at least 2; burst codes need a slot for each bucket",
+        "--kinds burst --slots 1": "--slots: found 1, expected 2 or more; burst codes need a slot for each bucket",
         "--period 5000": "GB",
         "--period 1000000": "1000000×1000000 pixels",
         "--period 0": "1 pixel",

@@ -153,8 +153,7 @@ class Camera(FromArguments, nn.Module, ABC):
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}
             settings |= {} if stated.buckets == 1 else {"buckets": stated.buckets}
-            sensor: dict[str, Any] = dict(stated.sensor)
-            settings["sensor"] = Sensor(**sensor)
+            settings["sensor"] = Sensor(**stated.sensor)
             return cls(**{**settings, **changes})
         except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:
             expected = f"{', '.join(cls.needed)} and sensor that fit"

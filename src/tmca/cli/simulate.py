@@ -264,7 +264,6 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         "size": list(taken.camera.snapshot_shape[1:]),
         **about,
         "slots": taken.camera.slots,
-        "buckets": taken.camera.buckets,
         "throughput": taken.camera.throughput(),
         "noise": vars(taken.camera.noise),
         "hardware": taken.notes.get("hardware", ""),
@@ -272,7 +271,10 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         "codes_date": taken.notes["codes_date"],
         "files": [str(file) for file in written],
     }
-    buckets = f", {taken.camera.buckets} buckets" if taken.camera.buckets > 1 else ""
+    buckets = ""
+    if taken.camera.buckets > 1:
+        report["buckets"] = taken.camera.buckets
+        buckets = f", {taken.camera.buckets} buckets"
     lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}{buckets}"]
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
