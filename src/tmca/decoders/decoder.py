@@ -130,15 +130,15 @@ class Estimate:
 
         return write_dataset(self.to_xarray(), path, overwrite=overwrite)
 
-    def plot(self, truth: xr.DataArray | xr.Dataset | None = None) -> Figure:
+    def plot(self, truth: Any = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
 
         Args:
-            truth: the scene, brought to the camera's bands and size, beside it; of a dataset the first variable, or
-                ``radiance`` and ``depth``.
+            truth: the scene, its name or file, or an array as large as the estimate, brought to the camera's bands and
+                size beside it; of a dataset the first variable, or ``radiance`` and ``depth``.
 
         Raises:
-            DataError: a truth of another kind, or a smaller one.
+            DataError, ShapeError: a truth of another kind, or a smaller one.
         """
         from tmca.plots.estimates import estimate_figure
 
