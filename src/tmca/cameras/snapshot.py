@@ -44,15 +44,11 @@ class Snapshot(Generic[Kind]):
 
     Raises:
         SettingError: values that are no numbers, or no camera.
-        ShapeError: values of another shape than the camera's snapshots.
     """
 
     values: Array
     camera: Kind
     notes: InstanceOf[dict[str, Any]] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        check_shape("values", self.values, ("batch", *self.camera.snapshot_shape), "give them the camera's channels")
 
     def to_xarray(self) -> xr.Dataset:
         """The snapshot with the codes, optics and sensor that made it, labelled.
@@ -60,7 +56,7 @@ class Snapshot(Generic[Kind]):
         Notes are attributes, those that files cannot hold as JSON; those named as the camera's give way.
 
         Raises:
-            ShapeError: several snapshots.
+            ShapeError: several snapshots, or another size than the camera's.
             SettingError: values that are not finite.
         """
         dataset, axes = self.camera.variables(), self.camera.snapshot_axes(self.values)

@@ -360,6 +360,9 @@ def make_decoder(
     """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
+        if decoder not in choices and decoder in decoders():
+            found = f"{decoder!r}, which is for {', '.join(sorted(decoders()[decoder].cameras))} cameras"
+            raise SettingError("decoder", found, f"one of {', '.join(choices)}")
         check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
