@@ -67,8 +67,9 @@ def export(
     if calibration is not None:
         _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
         affine = _registered(source, calibration, devices)
+    planes = read_planes(source)
     manifest = export_codes(
-        read_planes(source), devices, out, exposure=exposure, affine=affine,
+        planes, devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     ).manifest  # fmt: skip
@@ -78,6 +79,8 @@ def export(
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
     _say(manifest, out, json)
+    if planes.buckets > 1 and not json:
+        print("  shutter patterns are those of bucket 1: a sensor sends the light of closed slots to the others itself")
 
 
 def _refuse_beside_a_calibration(**options: Any) -> None:

@@ -45,6 +45,7 @@ class Planes:
         tiled: names of planes that are one tile.
         modes: of Zernike masks ``coefficients`` (K, M) in metres rms and ``noll`` (M,).
         settings: of the camera, as far as they are known.
+        buckets: of a sensor pixel; of the shutter's patterns those of the first are kept, for a device shows no others.
     """
 
     source: str
@@ -53,6 +54,13 @@ class Planes:
     tiled: tuple[str, ...] = ()
     modes: Mapping[str, Tensor] | None = None
     settings: Mapping[str, Any] | None = None
+    buckets: int = 1
+
+    def __post_init__(self) -> None:
+        if self.buckets > 1:
+            shutter = self.planes["shutter"]
+            first = shutter[0] if shutter.ndim == 4 else shutter[: self.slots]
+            object.__setattr__(self, "planes", {**self.planes, "shutter": first})
 
     @property
     def slots(self) -> int:
@@ -107,7 +115,8 @@ def _of_weights(path: Path) -> Planes:
     if "heights" in planes:
         return planes_of(camera, str(path))
     about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
-    return Planes(str(path), weights.kind, planes, tuple(planes) if weights.period else (), None, about)
+    tiled = tuple(planes) if weights.period else ()
+    return Planes(str(path), weights.kind, planes, tiled, None, about, camera.buckets)
 
 
 def _of_file(path: Path) -> Planes:
@@ -125,7 +134,8 @@ def _of_file(path: Path) -> Planes:
     if "aperture" in stored:
         codes = read_codes(path)
         planes = {"aperture": codes.aperture, "shutter": codes.shutter}
-        return Planes(str(path), str(stored.attrs.get("camera", "")), planes, tuple(planes) if codes.period else ())
+        camera, tiled = str(stored.attrs.get("camera", "")), tuple(planes) if codes.period else ()
+        return Planes(str(path), camera, planes, tiled, buckets=codes.buckets)
     raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
 
 
@@ -148,9 +158,10 @@ def planes_of(camera: Any, source: str) -> Planes:
     frame = {SENSOR: camera.snapshot_shape[1:]}
     if "heights" not in planes:
         settings = {"size": camera.size, "exposure": camera.exposure, **frame}
-        return Planes(source, camera.kind, planes, (), None, settings)
+        return Planes(source, camera.kind, planes, (), None, settings, camera.buckets)
     modes = family_parameters(camera.point_spread.heights)
-    return Planes(source, camera.kind, planes, (), modes, {"material": camera.bench.material, **frame})
+    settings = {"material": camera.bench.material, **frame}
+    return Planes(source, camera.kind, planes, (), modes, settings, camera.buckets)
 
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")
