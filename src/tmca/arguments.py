@@ -124,7 +124,7 @@ def _taken(parameter: Parameter, value: Any, wanted: tuple[TypeAdapter[Any], str
     try:
         return wanted[0].validate_python(value)
     except ValidationError:
-        remedy = "" if parameter.default is Parameter.empty else "leave it out for the usual"
+        remedy = "" if parameter.default is Parameter.empty else "leave it out for the default"
         raise SettingError(parameter.name, described(value), wanted[1], remedy) from None
 
 
