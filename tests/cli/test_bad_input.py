@@ -6,9 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
+import torch
 
 from tests.cli.refusals import refused
 from tests.cli.small_files import cube, good, labelled, small_snapshot
+from tests.lab.calibration.test_buckets import two_buckets
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.cli import main
 from tmca.data import read_dataset, rendered_scene, select_bands, write_split
 from tmca.priors import learn_prior
@@ -26,6 +30,7 @@ def files(tmp_path_factory):
         Path("empty").mkdir()
         cubes(values)
         snapshots()
+        buckets()
         np.save("codes.npy", np.ones((8, 10, 10)))
         np.save("dark.npy", np.zeros((8, 16, 40)))
         np.save("patterns.npy", np.eye(40)[None, :16].repeat(3, 0).astype(np.uint8))
@@ -61,6 +66,23 @@ def snapshots():
         silent = whole.copy()
         del silent.attrs[name]
         silent.to_netcdf(f"no_{name}.nc")
+
+
+def buckets():
+    """A snapshot of two buckets, its export, a calibration, and frames without one of them, or with both exchanged."""
+    two = SpectralCamera(3, (16, 18), slots=2, buckets=2)
+    Snapshot(torch.zeros(1, *two.snapshot_shape), two).save("two.nc")
+    devices = "--device dli4120 --device coded-exposure-two-bucket"
+    main(shlex.split(f"export two.nc {devices} --no-figures --out shown"))
+    two_buckets().save("two")
+    Path("first").mkdir()
+    for number, name in enumerate(["exposure", *(f"dark{n}" for n in range(4))]):
+        tifffile.imwrite(f"first/{name}.tif", np.full((16, 20), 90 + number, np.uint16))
+    Path("swapped").mkdir()
+    for bucket in range(2):
+        frame = np.full((2, 5, 7), 90, np.uint16)
+        frame[1 - bucket] = 2000
+        tifffile.imwrite(f"swapped/bucket_{bucket}_0.tif", frame)
 
 
 TAKE = "simulate spectral coffee --crop 16x40"
@@ -100,6 +122,13 @@ REFUSED = {
     "reconstruct s.nc -d dagger --truth small.mat": ("small.mat", "8×20"),
     "reconstruct s.nc -d dagger --truth good.mat --pattern {row}_{column}.png": ("--pattern",),
     "reconstruct s.nc -d dagger --out s.nc --overwrite": ("input",),
+    "export two.nc --device coded-exposure --out e": ("coded-exposure: found codes of 2 buckets, expected 1",),
+    "export s.nc --device coded-exposure-two-bucket --out e": ("closed slots to a drain, expected 2",),
+    "export two.nc --device coded-exposure-two-bucket --exposure 1e-5 --out e": ("39000 at most",),
+    "capture shown --device folder --set path=first --out c": ("a frame of 16×20, expected 2×16×20", "buckets"),
+    "calibrate buckets swapped --onto two": ("of a bucket's light in others", "exchanged"),
+    "calibrate dark first --onto two": ("frames of 16×20 pixels, expected 2×5×7",),
+    "reconstruct s.nc -d dagger --calibration two": ("sensor of 2×5×7 pixels",),
 }  # fmt: skip
 
 

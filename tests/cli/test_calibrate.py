@@ -161,6 +161,31 @@ def exported(shown, tmp_path):
     shutil.copytree(shown, tmp_path, dirs_exist_ok=True)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("camera", "scene"), [("spectral", "coffee"), ("light-field", "coffee:1")])
+def test_two_buckets_with_faults_reconstruct_as_a_bench_without(capsys, camera, scene):
+    """By at most 0.5 dB worse, of a reconstruction that loses more where nobody measured them."""
+    how = ["--slots", "4", "--shutter", "balanced", "--buckets", "2", "--read-noise", "0.001", "--no-figures"]
+    main(["simulate", camera, scene, "--crop", "64x80", *how, "--out", "sim.nc"])
+    devices = ["--device", "dli4120", "--device", "coded-exposure-two-bucket", "--macro-pixel", "4"]
+    main(["export", "sim.nc", *devices, "--no-figures", "--out", "shown"])
+    faults = ["--hardware", "bucket_gain=0.05,bucket_offset=0.01,leakage=0.03,transfer=0.05"]
+    main(["calibrate", "capture", "all", "shown", *faults, "--out", "bench"])
+    main(["calibrate", "all", "bench", "--curve", "measured", "--no-figures", "--out", "mine"])
+    main(["capture", "shown", "--scene", scene, "--out", "perfect"])
+    main(["capture", "shown", "--scene", scene, *faults, "--out", "faulty"])
+    known = {"perfect": [], "faulty": [], "measured": ["--calibration", "mine"]}
+    scores = {
+        name: answer(
+            capsys, "reconstruct", "perfect.nc" if name == "perfect" else "faulty.nc", *calibration, "--truth", scene,
+            "--no-figures", "--out", f"{name}_scene.nc",
+        )["metrics"]["psnr"]
+        for name, calibration in known.items()
+    }  # fmt: skip
+    assert scores["measured"] > scores["perfect"] - 0.5, scores
+    assert scores["faulty"] < scores["perfect"] - 0.5, scores
+
+
 @pytest.mark.usefixtures("exported")
 def test_a_bench_that_stops_while_it_is_calibrated_goes_on(capsys):
     taken = ("calibrate", "capture", "timing", "shown", "--out", "bench")
@@ -196,6 +221,7 @@ def test_frames_of_a_bench_are_measured_as_they_were_taken(capsys, harm, expecte
         (None, ("dark", "bench/dark/dark_00.png"), "two or more"),
         (None, ("flat", "bench/dark"), "ten times its noise"),
         ("linearity/even_5ms_1.png", ("linearity", "bench/linearity"), "at every exposure"),
+        (None, ("buckets", "bench/timing"), "no flat, expected one, on which buckets builds"),
         ("timing/aperture_1_shutter_1.png", ("timing", "bench/timing"), "no aperture_1_shutter_1"),
     ],
 )

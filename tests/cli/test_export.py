@@ -155,15 +155,6 @@ def test_the_folder_of_a_design_stands_for_its_codes(tmp_path):
     assert json.loads((tmp_path / "ex" / "manifest.json").read_text())["slots"] == 2
 
 
-@pytest.mark.parametrize("shutter", ["balanced", "burst"])
-def test_of_two_buckets_the_first_is_shown(shutter, capsys, tmp_path):
-    how = ["--slots", "4", "--shutter", shutter, "--buckets", "2", "--bands", "4", "--crop", "16x16", "--no-figures"]
-    main(["simulate", "spectral", "coffee", *how, "--out", "b.nc"])
-    main(["export", "b.nc", "--device", "coded-exposure", "--no-figures", "--out", "ex"])
-    assert "of bucket 1" in capsys.readouterr().out
-    assert len(json.loads((tmp_path / "ex" / "manifest.json").read_text())["planes"][0]["frames"]) == 4
-
-
 def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
     from tmca.codes import write_codes
 

@@ -42,7 +42,22 @@ def test_a_stop_that_comes_while_a_class_is_made_is_a_stop(monkeypatch, capsys):
             raise KeyboardInterrupt
 
     monkeypatch.setattr(tmca.cli.app, "app", lambda *tokens, **how: type("Made", (), {"part": Part()}))
+    assert stopped(main, capsys)
+
+
+def test_a_stop_that_comes_while_a_module_of_another_language_is_imported_is_a_stop(monkeypatch, capsys):
+    """Such modules end with an ImportError of their own."""
+    import tmca.cli.app
+    from tmca.cli import main
+
+    def command(*tokens, **how):
+        raise ImportError("initialization failed") from KeyboardInterrupt()
+
+    monkeypatch.setattr(tmca.cli.app, "app", command)
+    assert stopped(main, capsys)
+
+
+def stopped(main, capsys):
     with pytest.raises(SystemExit) as end:
         main(["decoders"])
-    assert end.value.code == 130
-    assert "stopped" in capsys.readouterr().err
+    return end.value.code == 130 and "stopped" in capsys.readouterr().err

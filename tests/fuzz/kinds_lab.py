@@ -14,11 +14,12 @@ import numpy as np
 from tests.fuzz.kinds import kind
 
 
-def _calibration(path: Path) -> None:
+def _calibration(path: Path, buckets: bool = False) -> None:
+    from tests.lab.calibration.test_buckets import two_buckets
     from tests.lab.calibration.test_file import whole
 
     with tempfile.TemporaryDirectory() as folder:
-        saved = whole().save(Path(folder) / "bench").path
+        saved = (two_buckets() if buckets else whole()).save(Path(folder) / "bench").path
         assert saved is not None
         shutil.copy(saved, path)
 
@@ -172,11 +173,11 @@ def _export(path: Path) -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         _response(Path(folder) / "response.csv")
-        codes = read_planes(_snapshot(_spectral()).save(Path(folder) / "taken.nc"))
+        codes = read_planes(_snapshot(_spectral(buckets=2)).save(Path(folder) / "taken.nc"))
         display = DeviceDescription(
             name="display", kind="lcos", size=(16, 20), bits=8, macro_pixel=2.0, lut=str(Path(folder) / "response.csv")
         )
-        sensor = DeviceDescription(name="sensor", kind="emulated-shutter")
+        sensor = DeviceDescription(name="sensor", kind="coded-exposure", buckets=2, tile=(9, 12))
         export_codes(codes, [display, sensor], path)
 
 
@@ -209,6 +210,7 @@ def _read_manifest(path: Path) -> Any:
 
 
 kind("calibration.nc", _calibration, _read_calibration, infinite=True)
+kind("buckets-calibration.nc", functools.partial(_calibration, buckets=True), _read_calibration, infinite=True)
 kind("calibration1.nc", _calibration_1, _read_calibration, infinite=True)
 kind("device.yaml", _device, _read_device)
 kind("response.csv", _response, _read_response)

@@ -287,7 +287,7 @@ for _name in ("light-field", "spectral-depth"):
 # Estimates
 
 
-def _estimate(make: Callable[[], Any]) -> Callable[[Path], object]:
+def _estimate(make: Callable[[], Any], frames: int = 0) -> Callable[[Path], object]:
     def save(path: Path) -> None:
         from tmca.decoders import Estimate
 
@@ -299,6 +299,9 @@ def _estimate(make: Callable[[], Any]) -> Callable[[Path], object]:
             "scene_reading": '{"source": "coffee", "scale": 1, "pattern": null}',
             "metric_psnr": 30.0,
         }
+        if frames:
+            scene, more = scene[:, None].expand(-1, frames, -1, -1, -1), {}
+            notes["motion_pixels"] = [1.0, -2.5]
         Estimate(scene, camera, "lmmse", seconds=0.1, notes=notes, **more).save(path)
 
     return save
@@ -334,3 +337,4 @@ def _large_depth() -> Any:
 
 for _name, _make in (("spectral", _large), ("views", _large_views), ("depth", _large_depth)):
     kind(f"{_name}-estimate.nc", _estimate(_make), _evaluate(_make))
+kind("frames-estimate.nc", _estimate(_large, 3), _evaluate(_large))

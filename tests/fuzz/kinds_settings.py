@@ -20,6 +20,7 @@ codes:
 noises:
   weak: {read_noise: 0.005}
   strong: {full_well: 1e4, read_noise_electrons: 3, bits: 12}
+motion: {pixels: 3, frames: 2}
 decoders: [lmmse, admm-tv]
 options: {admm-tv: {iterations: 20}}
 seed: 1

@@ -50,7 +50,9 @@ def layered(size, exposure="equal"):
     psf = rand(2, 3, 2, 3, 3)
     weights = torch.nn.functional.one_hot((3 * rand(*size)).long(), 3).permute(2, 0, 1)[None].to(psf)
     frame = framed(size, (3, 3))
-    return LayeredOperator(weights, transfer_functions(psf, frame), frame, rand(3, 2, *size), rand(2, *size), exposure)
+    return LayeredOperator(
+        weights, transfer_functions(psf, frame), frame, rand(3, 2, *size), rand(1, 2, *size), exposure
+    )
 
 
 def of_two(size, build, dispersion=WHOLE):
@@ -61,7 +63,7 @@ def of_two(size, build, dispersion=WHOLE):
 
 def layered_buckets(size):
     one = layered(size)
-    shutters = torch.stack((one.shutter, 1 - one.shutter))
+    shutters = torch.cat((one.shutters, 1 - one.shutters))
     return LayeredOperator(one.weights, one.transfer, one.frame, one.colour, shutters)
 
 

@@ -61,7 +61,7 @@ def test_brute_force_with_the_equivalent_psf_is_the_fast_path():
     size, psf = (9, 10), (5, 4)
     spread, scene, weights, frame = parts(size, psf)
     colour, shutter = torch.rand(CHANNELS, BANDS, *size).double(), (torch.rand(SLOTS, *size) > 0.5).double()
-    fast = coded_exposure(layered(scene, weights, transfer_functions(spread, frame), frame), colour, shutter)
+    fast = coded_exposure(layered(scene, weights, transfer_functions(spread, frame), frame), colour, shutter[None])
     slow = torch.zeros(CHANNELS, size[0] + 2 * psf[0], size[1] + 2 * psf[1], dtype=torch.float64)
     for i in range(size[0]):
         for j in range(size[1]):

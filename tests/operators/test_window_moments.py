@@ -38,8 +38,8 @@ def prior_of(block, bands=2):
 
 def parts(made, tile):
     """PSF, and filters and shutter of a tile."""
-    psf, colour, shutter = made.psf().double(), made.colour().double(), made.shutter().double()
-    return psf, colour, shutter, colour[..., :tile, :tile], shutter[:, :tile, :tile]
+    psf, colour, shutter = made.psf().double(), made.colour().double(), made.shutter().double()[None]
+    return psf, colour, shutter, colour[..., :tile, :tile], shutter[..., :tile, :tile]
 
 
 def matrix(made, window, plane, colour, shutter):
@@ -49,7 +49,7 @@ def matrix(made, window, plane, colour, shutter):
     for y in range(window):
         for x in range(window):
             tile = (y % colour.shape[-2], x % colour.shape[-1])
-            mixed = torch.einsum("k,klhw->lhw", shutter[:, tile[0], tile[1]], psf[:, plane]) / made.slots
+            mixed = torch.einsum("k,klhw->lhw", shutter[0, :, tile[0], tile[1]], psf[:, plane]) / made.slots
             seen = colour[:, :, tile[0], tile[1], None, None] * mixed
             rows[:, y, x, :, y : y + h, x : x + w] = seen.flip((-2, -1))
     return rows.flatten(0, 2).flatten(1)

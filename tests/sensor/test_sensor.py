@@ -51,6 +51,20 @@ def test_same_seed_same_noise():
     assert not torch.equal(sensor(y, SCALE, 3), sensor(y, SCALE, 4))
 
 
+def test_a_pixel_may_be_full_below_full_scale():
+    """Each of two buckets that share a well: full at half of it, and the converter's steps are half as wide."""
+    light = torch.linspace(0, 2, 401)
+    half = Sensor(saturates=0.5)(light, 2.0)
+    assert torch.equal(half, light.clamp_max(1.0))
+    whole, narrow = (Sensor(bits=8, pedestal=0.0, saturates=share) for share in (1.0, 0.5))
+    steps = [sensor(light, 2.0).unique().diff().median() for sensor in (whole, narrow)]
+    assert float(steps[1] / steps[0]) == pytest.approx(0.5, rel=1e-3)
+    assert narrow.noise(2.0).read == pytest.approx(whole.noise(2.0).read / 2)
+    for share in (0.0, 1.5, -1.0):
+        with pytest.raises(SettingError, match="saturates"):
+            Sensor(saturates=share)
+
+
 def test_converter_has_evenly_spaced_levels_down_to_the_pedestal_and_saturates():
     sensor = Sensor(bits=4, pedestal=0.1)
     y = torch.linspace(-5, 20, 2001, dtype=torch.float64).reshape(1, 1, 1, -1)

@@ -88,6 +88,14 @@ def test_what_a_killed_run_left_half_written_is_cleared_away(undisturbed, tmp_pa
     assert not list(folder.rglob(".*.tmp*"))
 
 
+def test_what_a_killed_run_had_no_time_to_delete_is_deleted(undisturbed, tmp_path):
+    run = shutil.copytree(undisturbed, tmp_path / "run")
+    kept = sorted(path.name for path in (run / "checkpoints").iterdir())
+    shutil.copytree(run / "checkpoints" / kept[0], run / "checkpoints" / "0000001")
+    tiny.train(run)
+    assert sorted(path.name for path in (run / "checkpoints").iterdir()) == kept
+
+
 def test_a_run_goes_on_from_the_checkpoint_before_a_damaged_one(undisturbed, tmp_path):
     tiny.train(tmp_path / "run")
     newest = sorted((tmp_path / "run" / "checkpoints").iterdir())[-1]

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.applications.base import APPLICATIONS, Application, application_of, noted_reading
+from tmca.applications.moving import FRAMES, MOTION, frames_of, mean_of, moved_by
 from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
@@ -79,7 +80,7 @@ def simulate(
     check_displacement(moved, camera.size, "motion" if any(motion) else "hardware motion")
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
-    notes |= {"motion_pixels": list(moved)} if any(moved) else {}
+    notes |= {MOTION: list(moved)} if any(moved) else {}
     with torch.no_grad():
         bench = imperfect(camera, faults, seed)
         values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=progress)
@@ -129,13 +130,19 @@ class Evaluation:
         return self.application.figure(self.estimate.assign_attrs(decoder=name), self.camera, self.truth)
 
 
-def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene, **reading: Any) -> dict[str, float]:
-    """Figures of merit of an estimate, against the scene that it is of.
+def evaluate(
+    estimate: Estimate | xr.Dataset | str | Path, truth: Scene, *, frames: int | None = None, **reading: Any
+) -> dict[str, float]:
+    """Figures of merit of an estimate, against the scene that it is of; of an estimate in frames their means.
+
+    The scene of a frame is the truth moved as the snapshot notes.
 
     Args:
         estimate: of a decoder, its file, or what it holds.
         truth: the scene, as `tmca.read` gives it, an array as the camera's scenes are, or what is read: as it was read
             for the snapshot, where that is noted; brought to the bands and size of the estimate.
+        frames: of equal length within the exposure, with each of which an estimate without any is compared; the scene
+            in the middle of the exposure if None.
         reading: how the truth is read, see `tmca.read`.
 
     Raises:
@@ -146,13 +153,15 @@ def evaluate(estimate: Estimate | xr.Dataset | str | Path, truth: Scene, **readi
     Warns:
         SceneWarning: a truth of another name than the scene that is noted, or an estimate far outside 0 to 1.
     """
-    return evaluation_of(estimate, truth, **reading).metrics
+    return evaluation_of(estimate, truth, frames=frames, **reading).metrics
 
 
 def evaluation_of(
     estimate: Estimate | xr.Dataset | str | Path,
     truth: Scene,
     application: Application | None = None,
+    *,
+    frames: int | None = None,
     **reading: Any,
 ) -> Evaluation:
     """`evaluate` with what was compared; ``application`` is that of the estimate's file, where it is known."""
@@ -185,7 +194,32 @@ def evaluation_of(
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)
     warn_of_estimate(parts["values"], where)
-    return Evaluation(application, camera, stored, scene, application.metrics(parts, scene, camera))
+    metrics = _metrics(application, camera, parts, scene, moved_by(stored.attrs, where), _frames(stored, frames))
+    return Evaluation(application, camera, stored, scene, metrics)
+
+
+def _frames(stored: xr.Dataset, asked: int | None) -> int | None:
+    """Frames to compare with: those of an estimate, or what is asked for."""
+    own = stored.sizes.get(FRAMES)
+    if own is not None and asked not in (None, own):
+        raise SettingError("frames", str(asked), f"{own}, those of the estimate", "leave it out")
+    return asked if own is None else own
+
+
+def _metrics(
+    application: Application, camera: Any, parts: dict[str, np.ndarray], scene: Any, moved: tuple[float, float],
+    frames: int | None,
+) -> dict[str, float]:  # fmt: skip
+    """Figures of merit of an estimate, or their means over its frames."""
+    if frames is None:
+        return application.metrics(parts, scene, camera)
+    if "depth" in parts:
+        raise SettingError("frames", str(frames), "none of an estimate with depth", "leave it out")
+    values = parts["values"]
+    several = values.ndim > 1 + len(scene.shape)
+    each = [values[:, one] if several else values for one in range(frames)]
+    truths = frames_of(scene, moved, frames)
+    return mean_of([application.metrics({"values": v}, t, camera) for v, t in zip(each, truths, strict=True)])
 
 
 def application_for(estimate: xr.Dataset | str | Path) -> Application:

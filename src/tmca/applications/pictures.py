@@ -8,12 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.applications.base import application_of
 from tmca.applications.camera_figures import snapshot_figure
+from tmca.applications.moving import FRAMES, frames_of, moved_by
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from tmca.cameras import Snapshot
     from tmca.decoders import Estimate
+
+_MOVIE = ("_frames.png", "_frames.gif")
+"""Endings of the pictures of an estimate in frames."""
 
 
 def snapshot_files(target: Path, kind: str, figures: bool = True) -> list[Path]:
@@ -22,9 +26,10 @@ def snapshot_files(target: Path, kind: str, figures: bool = True) -> list[Path]:
     return [target, *(_files(target, endings) if figures else [])]
 
 
-def estimate_files(target: Path, kind: str, figures: bool = True) -> list[Path]:
-    """What the file of an estimate and its pictures are called."""
-    return [target, *(_files(target, application_of(kind).pictures) if figures else [])]
+def estimate_files(target: Path, kind: str, figures: bool = True, moving: bool = False) -> list[Path]:
+    """What the file of an estimate, of a scene that is ``moving`` in frames, and its pictures are called."""
+    endings = (*application_of(kind).pictures, *(_MOVIE if moving else ()))
+    return [target, *(_files(target, endings) if figures else [])]
 
 
 def _files(target: Path, endings: Iterable[str]) -> list[Path]:
@@ -57,10 +62,26 @@ def estimate_pictures(
         snapshot: that was decoded.
         overwrite: replace files.
     """
-    application = application_of(estimate.camera)
-    drawn = application.figures(estimate.to_xarray(), estimate.camera, truth, snapshot, target.stem)
+    application, stored, movie = application_of(estimate.camera), estimate.to_xarray(), dict[str, Any]()
+    if FRAMES in stored.dims:
+        movie, stored = _movie(stored, truth), stored.mean(FRAMES, keep_attrs=True)
+    drawn = {**application.figures(stored, estimate.camera, truth, snapshot, target.stem), **movie}
     files = _files(target, drawn)
     return [save_picture(one, file, overwrite=overwrite) for one, file in zip(drawn.values(), files, strict=True)]
+
+
+def _movie(stored: xr.Dataset, truth: Any) -> dict[str, Any]:
+    """Frames beside those of the truth, in a row and one after the other."""
+    import xarray as xr
+
+    from tmca.plots.movies import movie_figure, movie_views
+
+    frames = stored["estimate"]
+    movies = {str(stored.attrs["decoder"]): frames}
+    if truth is not None:
+        moved = frames_of(truth, moved_by(stored.attrs), frames.sizes[FRAMES])
+        movies["truth"] = xr.concat(moved, FRAMES, coords="minimal", compat="override", join="override")
+    return dict(zip(_MOVIE, (movie_figure(movies), movie_views(frames)), strict=True))
 
 
 def save_picture(picture: Any, file: Path, *, overwrite: bool = False) -> Path:

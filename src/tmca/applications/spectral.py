@@ -12,6 +12,7 @@ from torch import Tensor
 from tmca.applications.base import Application
 from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.moving import FRAMES, MOTION
 from tmca.cameras import SpectralCamera
 from tmca.errors import DataError
 from tmca.sensor import Sensor, band_wavelengths
@@ -158,6 +159,9 @@ class SpectralApplication(Application):
         from tmca.data import Negative, read
         from tmca.data.formats.opening import open_contents
 
+        with open_contents(path) as contents:
+            if "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims:
+                return _with_wavelengths(super().stored(path), path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
             cube = read(path, negative=negative)
@@ -168,7 +172,7 @@ class SpectralApplication(Application):
         if cube.attrs.get("scale_from") == "maximum":  # an estimate may be above 1
             cube = cube * cube.attrs["scale"]
         with open_contents(path) as contents:
-            noted = {name: contents.attrs[name] for name in ("scene", "real_capture") if name in contents.attrs}
+            noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
         return cube.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
@@ -176,3 +180,12 @@ class SpectralApplication(Application):
         camera = super().camera_of(stored, where)
         camera.wavelengths = tuple(stored["wavelength"].values.tolist())
         return camera
+
+
+def _with_wavelengths(stored: xr.Dataset, path: str) -> xr.Dataset:
+    """An estimate in frames; DataError unless every frame is a cube with its wavelengths."""
+    axes = stored["estimate"].dims
+    if {*axes} != {FRAMES, "wavelength", "y", "x"} or "wavelength" not in stored.coords:
+        found = f"an estimate by {', '.join(map(str, axes))}"
+        raise DataError(path, found, f"one by {FRAMES}, wavelength (in metres), y and x", "write it again")
+    return stored

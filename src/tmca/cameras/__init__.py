@@ -4,7 +4,7 @@ from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
-from tmca.cameras.motion import moving_scene, moving_scenes
+from tmca.cameras.motion import moving_object, moving_scene, moving_scenes
 from tmca.cameras.snapshot import Snapshot, holds_snapshot, load_cameras
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
@@ -30,6 +30,7 @@ __all__ = [
     "holds_snapshot",
     "imperfect",
     "load_cameras",
+    "moving_object",
     "moving_scene",
     "moving_scenes",
     "seen_by",

@@ -13,7 +13,7 @@ from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.codes import Outside, leaked, misplaced, slot_overlap, through_time
-from tmca.codes.buckets import bucket_shutters, mixed_buckets
+from tmca.codes.buckets import bucket_shutters, changing, mixed_buckets
 from tmca.errors import SettingError
 from tmca.optics import Dispersion, ViewShear, gaussian_psf
 from tmca.optics.zernike import noll, zernike_modes
@@ -42,7 +42,7 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Ou
     Raises:
         SettingError: a fault that this camera cannot have (a coloured aperture has those of ``COLOURED`` alone).
     """
-    hardware.check(camera.kind)
+    hardware.check(camera.kind, camera.buckets)
     if not set(hardware.faults()) - {"motion"}:  # of the scene, not of the camera
         return camera
     parts: dict[str, Any] = {}
@@ -52,20 +52,21 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Ou
         parts = _light_field(camera, hardware, seed, outside)
     elif isinstance(camera, SpectralDepthCamera):
         parts = _spectral_depth(camera, hardware, seed)
-    return camera.replace(**parts, sensor=defective(camera.sensor, hardware, seed))
+    return camera.replace(**parts, sensor=defective(camera.sensor, hardware, seed, camera.buckets))
 
 
-def defective(sensor: Sensor, hardware: Hardware, seed: int = 0) -> Sensor:
-    """The sensor with its hot and dead pixels; itself without any.
+def defective(sensor: Sensor, hardware: Hardware, seed: int = 0, buckets: int = 1) -> Sensor:
+    """The sensor with its hot and dead pixels and unequal buckets; itself without any.
 
     Args:
         sensor: as it is known.
-        hardware: shares of hot and dead pixels.
-        seed: of their places.
+        hardware: shares of hot and dead pixels, gain and offset of later buckets.
+        seed: of the defects' places.
+        buckets: R of a pixel.
     """
-    if not (hardware.hot_pixels or hardware.dead_pixels):
+    if not (hardware.hot_pixels or hardware.dead_pixels or hardware.bucket_gain or hardware.bucket_offset):
         return sensor
-    return DefectiveSensor(hardware.hot_pixels, hardware.dead_pixels, seed, **sensor.settings())
+    return DefectiveSensor(hardware, seed, buckets, **sensor.settings())
 
 
 def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Outside) -> dict[str, Any]:
@@ -133,7 +134,7 @@ def in_turn(steps: Tensor) -> Tensor:
 
 
 class ShutterFaults(nn.Module):
-    """What becomes of shutter patterns (K, H, W): leakage, and everything that is not in time.
+    """What becomes of shutter patterns (K, H, W): leakage, everything that is not in time, and light between buckets.
 
     Args:
         hardware: faults.
@@ -144,10 +145,11 @@ class ShutterFaults(nn.Module):
     """
 
     overlap: Tensor
+    lost: Tensor
 
     def __init__(self, hardware: Hardware, slots: int, rows: int, seed: int = 0, buckets: int = 1) -> None:
         super().__init__()
-        self.leakage, self.slots, self.buckets = hardware.leakage, slots, buckets
+        self.leakage, self.transfer, self.slots, self.buckets = hardware.leakage, hardware.transfer, slots, buckets
         late = hardware.delay + hardware.rolling * torch.linspace(0, 1, rows, dtype=torch.float64)[:, None]
         source = torch.Generator().manual_seed(seed)
         drawn = torch.arange(slots) + late + hardware.jitter * torch.randn(slots, generator=source).double()
@@ -155,14 +157,20 @@ class ShutterFaults(nn.Module):
         ends = torch.cat((steps[:, 1:], steps[:, :1] + slots), 1)
         starts = torch.minimum(steps + hardware.dead_time, ends)
         self.register_buffer("overlap", slot_overlap(slots, starts, ends, hardware.switching))
+        moved = torch.minimum(starts + hardware.transfer, ends)
+        self.register_buffer("lost", slot_overlap(slots, starts, moved, hardware.switching))
         self.timed = bool((self.overlap - torch.eye(slots)).abs().max() > 1e-12)
 
     def forward(self, shutter: Tensor) -> Tensor:
         """(K, H, W) → (K, H, W), grey; of several buckets → (R·K, H, W), what each of them collects."""
-        if self.buckets > 1:
-            parts = mixed_buckets(bucket_shutters(shutter, self.slots, self.buckets), self.leakage)
-            return torch.cat([self._in_time(part) for part in parts])
-        return self._in_time(leaked(shutter, self.leakage))
+        if self.buckets == 1:
+            return self._in_time(leaked(shutter, self.leakage))
+        collected = bucket_shutters(shutter, self.slots, self.buckets)
+        parts = [self._in_time(part) for part in collected]
+        if self.transfer:
+            moved = [through_time(part, self.lost) for part in changing(collected)]
+            parts = [part - lost for part, lost in zip(parts, moved, strict=True)]
+        return mixed_buckets(torch.stack(parts), self.leakage).flatten(0, 1)
 
     def _in_time(self, leaking: Tensor) -> Tensor:
         return through_time(leaking, self.overlap) if self.timed else leaking
@@ -296,18 +304,18 @@ class WideDispersion(Dispersion):
 
 
 class DefectiveSensor(Sensor):
-    """A sensor some of whose pixels are stuck at full scale or at zero.
+    """A sensor some of whose pixels are stuck at full scale or at zero, and whose buckets differ.
 
     Args:
-        hot: share of pixels at full scale.
-        dead: share of pixels at zero.
-        seed: of their places, which every snapshot has alike.
+        hardware: shares of hot and dead pixels; gain and offset of the second and later buckets.
+        seed: of the defects' places, which every snapshot has alike.
+        buckets: R of a pixel, whose channels come one bucket after the other.
         settings: of the sensor.
     """
 
-    def __init__(self, hot: float, dead: float, seed: int = 0, **settings: Any) -> None:
+    def __init__(self, hardware: Hardware, seed: int = 0, buckets: int = 1, **settings: Any) -> None:
         super().__init__(**settings)
-        self.hot, self.dead, self.seed = hot, dead, seed
+        self.hardware, self.seed, self.buckets = hardware, seed, buckets
 
     def forward(
         self,
@@ -317,7 +325,11 @@ class DefectiveSensor(Sensor):
         exposures: int = 1,
     ) -> Tensor:
         """See ``Sensor``."""
-        recorded = super().forward(irradiance, full_scale, generator, exposures)
+        recorded, hardware = super().forward(irradiance, full_scale, generator, exposures), self.hardware
+        first, later = recorded.tensor_split([recorded.shape[1] // self.buckets], 1)
+        read = later * (1 + hardware.bucket_gain) + hardware.bucket_offset * full_scale * exposures
+        recorded = torch.cat((first, read), 1)
         drawn = torch.rand(recorded.shape[1:], generator=torch.Generator().manual_seed(self.seed)).to(recorded.device)
-        recorded = torch.where(drawn < self.hot, full_scale * exposures, recorded)
-        return torch.where((drawn >= self.hot) & (drawn < self.hot + self.dead), 0.0, recorded)
+        hot, dead = hardware.hot_pixels, hardware.dead_pixels
+        recorded = torch.where(drawn < hot, full_scale * exposures, recorded)
+        return torch.where((drawn >= hot) & (drawn < hot + dead), 0.0, recorded)

@@ -43,7 +43,17 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
         return image
 
     edges = [slot / slots - 0.5 for slot in range(slots + 1)]
-    return torch.stack([seen(_places(displacement, *times)) for times in pairwise(edges)])
+    return torch.stack([seen(places_passed(displacement, *times)) for times in pairwise(edges)])
+
+
+def moving_object(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
+    """(L, H, W) → (K, L, H, W): the disc in the middle, half as wide as the shorter side, moves as in `moving_scene`
+    before the scene, which stands still and is seen where the disc was."""
+    height, width = scene.shape[1:]
+    y, x = torch.arange(height) - (height - 1) / 2, torch.arange(width) - (width - 1) / 2
+    disc = (y[:, None].square() + x.square() <= (min(height, width) / 4) ** 2).to(scene)
+    seen = moving_scene(torch.cat([disc[None], disc * scene]), displacement, slots)
+    return scene * (1 - seen[:, :1]) + seen[:, 1:]
 
 
 def check_displacement(displacement: tuple[float, float], size: Sequence[int], where: str = "motion") -> None:
@@ -60,10 +70,14 @@ def moving_scenes(scenes: Tensor, displacement: tuple[float, float], slots: int)
     return torch.stack(moved).unflatten(2, scenes.shape[1:-2])
 
 
-def _places(displacement: tuple[float, float], start: float, end: float) -> dict[tuple[int, int], float]:
-    """Displacements by whole pixels, and how much of the time between two times each has.
+def places_passed(displacement: tuple[float, float], start: float, end: float) -> dict[tuple[int, int], float]:
+    """Displacements by whole pixels (rows, columns), and how much of the time between two times each has.
 
     Between whole pixels, bilinear shares are quadratic in time: two points integrate them exactly.
+
+    Args:
+        displacement: rows and columns from the beginning to the end of the exposure, pixels.
+        start, end: times as shares of the exposure, 0 in its middle.
     """
     crossed = {
         pixel / part

@@ -257,17 +257,14 @@ class SpectralDepthCamera(BandCamera):
         return self.period
 
     def tile(self) -> tuple[Tensor, Tensor]:
-        """(colour (C, L, Q, Q), shutter (K, Q, Q)) of one tile; see ``codes_over``."""
+        """(colour (C, L, Q, Q), shutters (R, K, Q, Q) of the buckets) of one tile; see ``codes_over``."""
         side = slice(0, self.tile_size)
         return self.codes_over(side, side)
 
     def codes_over(self, rows: slice, columns: slice) -> tuple[Tensor, Tensor]:
-        """(colour (C, L, h, w), shutter (K, h, w)) over some pixels; the shutter (R, K, h, w) of several buckets."""
+        """(colour (C, L, h, w), shutters (R, K, h, w) of the buckets) over some pixels."""
         colour = self.response[:, :, None, None] * self.filters.part(rows, columns)
-        return colour, self._collected(self.shutter.part(rows, columns))
-
-    def _collected(self, shutter: Tensor) -> Tensor:
-        return shutter if self.buckets == 1 else bucket_shutters(shutter, self.slots, self.buckets)
+        return colour, bucket_shutters(self.shutter.part(rows, columns), self.slots, self.buckets)
 
     def psf(self) -> Tensor:
         """(K, D, L, h, w) point spread functions, planes from far to near."""
@@ -281,9 +278,9 @@ class SpectralDepthCamera(BandCamera):
             slice(max(0, place - side), min(length, place + side + 1))
             for place, side, length in zip(pixel, self.bench.window, self.size, strict=True)
         )
-        colour, shutter = self.codes_over(rows, columns)
+        colour, shutters = self.codes_over(rows, columns)
         place = (pixel[0] - rows.start, pixel[1] - columns.start)
-        shutters, psf = shutter if shutter.ndim == 4 else shutter[None], self.psf()
+        psf = self.psf()
         seen = [equivalent_psf(psf, colour, one, place, plane, self.exposure) for one in shutters]
         return torch.cat(seen)
 
@@ -308,7 +305,7 @@ class SpectralDepthCamera(BandCamera):
     def build_operator(self, depth: Tensor | None = None) -> LayeredOperator:
         """The linear part at depth maps (B, 1, H, W) in metres, every pixel in its ``planes.nearest``."""
         weights = self.planes.weights(_required(depth)).to(self.response)
-        shown = self._collected(self.shutter())
+        shown = bucket_shutters(self.shutter(), self.slots, self.buckets)
         return LayeredOperator(weights, self.transfer(), self.frame, self.colour(), shown, self.exposure)
 
     def exact(

@@ -41,10 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _leave(_misspelt(error, tokens))
     except TmcaError as error:
         _leave(_in_options(error, tokens))
-    except (MemoryError, RuntimeError) as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # Python wraps what comes while a class is made
+    except (MemoryError, RuntimeError, ImportError) as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # what comes while a class or a module is made is wrapped
             _stopped(error.__cause__)
-        if isinstance(error, RuntimeError) and "allocate" not in str(error):
+        if not isinstance(error, MemoryError) and "allocate" not in str(error):
             raise
         _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
     except KeyboardInterrupt as stop:

@@ -23,6 +23,7 @@ def evaluate(
     /,
     *,
     reading: Annotated[TruthReading, READING] = _SCENE,
+    frames: int | None = None,
     figure: Path | None = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     json: Annotated[bool, Parameter(negative="")] = False,
@@ -36,6 +37,8 @@ def evaluate(
         estimate: a cube, light-field or spectral-depth file, such as one written by `tmca reconstruct`.
         truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle, a
             light field or scene with depth read as it was for the snapshot.
+        frames: of equal length within the exposure, with each of which a still estimate of a scene that moved is
+            compared; the middle of the exposure without it.
         figure: write a picture of both with error map and spectra (PNG).
         overwrite: replace the picture if it exists.
         json: print JSON instead of text.
@@ -47,7 +50,7 @@ def evaluate(
     if figure is not None and estimate.resolve() == figure.resolve():
         raise SettingError("figure", str(figure), "another file than the estimate")
     application = application_for(estimate)
-    evaluation = evaluation_of(estimate, truth, application, **reading.of(application.kind))
+    evaluation = evaluation_of(estimate, truth, application, frames=frames, **reading.of(application.kind))
     assumed(evaluation.truth)
     metrics = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
     if figure is not None:

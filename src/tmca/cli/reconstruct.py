@@ -41,8 +41,9 @@ def reconstruct(
     Args:
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
         decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
-            dagger, network, …; of a spectral snapshot also lmmse-adapted (its prior refitted to the snapshot itself);
-            of a light-field snapshot also dictionary, dictionary-omp. Of a spectral-depth snapshot likelihood: depth
+            dagger, network, …; space-time-lmmse for scenes that move; of a spectral snapshot also lmmse-adapted (its
+            prior refitted to the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a
+            spectral-depth snapshot likelihood: depth
             and spectrum by the likelihood of every plane under a patch prior; or network.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
@@ -63,7 +64,7 @@ def reconstruct(
     from tmca.applications.pictures import estimate_files, estimate_pictures
     from tmca.data.in_memory import warn_of_estimate
     from tmca.data.scene_names import compare_scene
-    from tmca.decoders import decode
+    from tmca.decoders import decode, decoders_for
     from tmca.lab.calibration.apply import load_snapshot
 
     taken = load_snapshot(snapshot, calibration)
@@ -74,7 +75,8 @@ def reconstruct(
     settings = _given(decoder, camera.kind, how) | _settings(decoder, camera.kind, set_ or [])
     prior_file = _prior(decoder, camera.kind, prior, dictionary)
     asked = reading.of(application.kind)
-    check_targets(estimate_files(target, camera.kind, output.figures), output.overwrite, snapshot)
+    moving = decoder in decoders_for(camera.kind, moving=True)
+    check_targets(estimate_files(target, camera.kind, output.figures, moving), output.overwrite, snapshot)
     if truth is not None:
         compare_scene(taken.notes, truth)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)

@@ -36,6 +36,11 @@ def mixed_buckets(shutters: Tensor, leakage: float) -> Tensor:
     return (1 - leakage) * shutters + leakage / max(1, len(shutters) - 1) * others
 
 
+def changing(shutters: Tensor) -> Tensor:
+    """(R, K, H, W') the slots at whose beginning a pixel changes to a bucket; the exposure repeats."""
+    return shutters * (1 - shutters.roll(1, 1))
+
+
 def check_patterns(count: int, buckets: int, slots: int) -> None:
     """Raises SettingError unless so many patterns say what each of R buckets collects in K slots."""
     if count != buckets * slots and (count != slots or buckets > 2):
@@ -86,8 +91,13 @@ def _of_all(patterns: Tensor, slots: int, buckets: int) -> Tensor:
     if tuple(patterns.shape[:2]) != (buckets, slots):
         found = f"patterns of {patterns.shape[0]} buckets in {patterns.shape[1]} slots"
         raise SettingError("shutter", found, f"{buckets} in {slots}", f"give buckets={patterns.shape[0]}")
-    twice = int((patterns.sum(0) > 1 + 1e-6).sum())
+    check_once(patterns)
+    return patterns.flatten(0, 1)
+
+
+def check_once(shutters: Tensor, where: str = "shutter") -> None:
+    """Raises SettingError where a slot of a pixel is in two of the buckets of shutters (R, K, H, W')."""
+    twice = int((shutters.sum(0) > 1 + 1e-6).sum())
     if twice:
         found = f"{twice} slots of pixels that are in two buckets"
-        raise SettingError("shutter", found, "each slot of a pixel in one bucket, or in none")
-    return patterns.flatten(0, 1)
+        raise SettingError(where, found, "each slot of a pixel in one bucket, or in none")

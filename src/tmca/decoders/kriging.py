@@ -206,7 +206,7 @@ def shutter_samples(camera: Any, operator: FrameOperator, values: Tensor) -> Sam
 
 def _gain(operator: FrameOperator) -> Tensor:
     """(H, W) what every sensor pixel gets of a scene of 1."""
-    return (operator.shutter * operator.aperture * operator.scale).double().sum(0)
+    return operator.collapsed.code.double().sum(0)
 
 
 def _scale(kriged: Kriged, size: Sequence[int]) -> Tensor:
@@ -230,7 +230,7 @@ class KrigingDecoder(FrameDecoder):
     the scene is scaled to how well samples around a place are predicted; its part of noise is the sensor's.
 
     Args:
-        frames: how many, a divisor of the slots; all slots if None.
+        frames: how many, of equal length, a divisor of the slots; all slots if None.
         lifetime: slots over which the scene changes; those that predict the samples best if None.
         changing: share of the scene's variance that changes during the exposure; likewise.
     """
@@ -241,8 +241,11 @@ class KrigingDecoder(FrameDecoder):
 
     def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
         operator, camera = super().setup(camera, prior)
-        if camera.bands > 1 or camera.dispersion.extent or bool(((operator.shutter > 0).sum(0) > 1).any()):
-            raise SettingError("method", "'kriging'", "a shutter that opens every pixel within one frame, one band")
+        seen = (operator.collapsed.code > 0).sum(0)
+        if camera.bands > 1 or camera.buckets > 1 or camera.dispersion.extent or bool((seen > 1).any()):
+            raise SettingError(
+                "method", "'kriging'", "a shutter that opens every pixel within one frame, one band, one bucket"
+            )
         return operator, camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Raw:
@@ -252,7 +255,7 @@ class KrigingDecoder(FrameDecoder):
 
     def _frames(self, operator: FrameOperator, camera: Any, values: Tensor) -> tuple[Tensor, Tensor, Covariance]:
         """Frames (F, H, W), their standard deviation, and the covariance, lengths in pixels and slots."""
-        samples, (frames, *size) = shutter_samples(camera, operator, values), operator.shutter.shape
+        samples, frames, size = shutter_samples(camera, operator, values), operator.scene_shape[0], camera.size
         light, power = _gain(operator), samples.values.var().clamp_min(_STILL)
         noise = camera.noise.variance(values).double() / light.square()  # in the scene's units, (H, W)
         noise = noise.where(light > 0, noise[light > 0].mean())

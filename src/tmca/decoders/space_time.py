@@ -15,13 +15,13 @@ import torch
 from torch import Tensor
 from torch.nn.functional import fold, pad, unfold
 
-from tmca.cameras import SpectralCamera
+from tmca.cameras import CodedCamera
+from tmca.cameras.frames import frame_taps
 from tmca.decoders.decoder import Decoder, Progress, one_by_one
 from tmca.decoders.least_squares import DataStep, energy, noise_level
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError, check_range
-from tmca.operators import SlotwiseDisperser
-from tmca.operators.linear import LinearOperator, exposure_weight
+from tmca.operators import LinearOperator, TapOperator, Taps
 
 _BLOCK, _STRIDE = (16, 16, 16), 4
 _TOGETHER = 64  # blocks that the processor's cache holds
@@ -150,48 +150,28 @@ def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor
     return denoise(flat, threshold).reshape(batch, bands, frames, *size).transpose(1, 2)
 
 
-class FrameOperator(SlotwiseDisperser):
-    """The slot-wise operator of frames, whose ``A Aᵀ`` is diagonal for displacements by whole pixels."""
+class FrameOperator(LinearOperator):
+    """The operator of movies (B, G, L, H, W) of a camera whose taps are those of all their frames."""
+
+    def __init__(self, taps: Taps, frames: int) -> None:
+        super().__init__()
+        self.collapsed, (channels, *size) = TapOperator(taps), taps.scene_shape
+        self.scene_shape, self.snapshot_shape = (frames, channels // frames, *size), taps.snapshot_shape
+
+    def A(self, scene: Tensor) -> Tensor:
+        return self.collapsed.A(scene.flatten(1, 2))
+
+    def A_adjoint(self, snapshot: Tensor) -> Tensor:
+        return self.collapsed.A_adjoint(snapshot).unflatten(1, self.scene_shape[:2])
 
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
-        """``(A Aᵀ + shift·I)⁻¹ snapshot``; with shift 0, pixels without light give zero."""
-        diagonal = self.energy() + shift
-        return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(snapshot.dtype).tiny), 0)
-
-    def energy(self) -> Tensor:
-        """(1, 1, H, W') squared weights that meet in every sensor pixel."""
-        offsets = self._layout[1]
-        total = self.shutter.new_zeros(1, 1, *self.shutter.shape[1:])
-        for offset, scale in zip(offsets, self.scale, strict=True):
-            light = (self.aperture * scale).square()
-            seen = self.shutter[:, :, offset : offset + light.shape[2]].square()
-            total[0, 0, :, offset : offset + light.shape[2]] += (light * seen).sum(0)
-        return total
+        """In closed form, see `TapOperator`."""
+        return self.collapsed.gram_solve(snapshot, shift, **iteration)
 
 
-def frame_operator(camera: SpectralCamera, frames: int) -> FrameOperator:
-    """The slot-wise operator of a scene that changes ``frames`` times, neighbouring slots sharing a frame.
-
-    Slots of one frame see the same scene, so that the sum of their shutters is the frame's, exactly so where the
-    aperture does not change.
-
-    Raises:
-        SettingError: frames that do not divide the slots, or a camera that cannot be so collapsed.
-    """
-    aperture, shutter = camera.codes()
-    slots = len(aperture)
-    if camera.buckets > 1:
-        raise SettingError("buckets", str(camera.buckets), "1, for a scene that moves", "decode it as a still one")
-    if frames < 1 or slots % frames:
-        raise SettingError("frames", str(frames), f"a divisor of the {slots} slots")
-    if bool((aperture != aperture[:1]).any()):
-        raise SettingError("snapshot", "an aperture that changes from slot to slot", "the same in all slots")
-    if any(float(d) != round(d) for d in camera.dispersion.displacement):
-        raise SettingError("dispersion", "parts of pixels", "displacements by whole pixels")
-    merged = shutter.unflatten(0, (frames, slots // frames)).sum(1)
-    weight = exposure_weight(camera.exposure, slots)
-    still = aperture[:1].expand(frames, -1, -1)
-    return FrameOperator(still, merged * weight, camera.dispersion, camera.response, "per-slot", moving=True)
+def frame_operator(camera: CodedCamera, frames: int) -> FrameOperator:
+    """The operator of a scene that changes ``frames`` times within the exposure, see `frame_taps`."""
+    return FrameOperator(frame_taps(camera, frames), frames)
 
 
 @dataclass
@@ -212,10 +192,8 @@ class FrameDecoder(Decoder):
 class SpaceTimeDecoder(FrameDecoder):
     """Frames of a scene that changes during the exposure, sparse in the cosine transform of blocks of space and time.
 
-    It takes any shutter before an aperture that stays as it is.
-
     Args:
-        frames: how many, a divisor of the slots; all slots if None.
+        frames: how many, of equal length, a divisor or a multiple of the slots; all slots if None.
         threshold: of coefficients at the end, relative irradiance; half the noise of a sample if None, and 0.5 % of the
             brightest at least.
         iterations: over which the threshold falls to it.
@@ -234,10 +212,10 @@ class SpaceTimeDecoder(FrameDecoder):
         return torch.cat([self._frames(*prepared, one, report) for one, report in one_by_one(values, progress)])
 
     def _frames(
-        self, operator: FrameOperator, camera: SpectralCamera, values: Tensor, progress: Progress | None
+        self, operator: FrameOperator, camera: CodedCamera, values: Tensor, progress: Progress | None
     ) -> Tensor:
         last = self.threshold
         if last is None:
-            gain = float(operator.energy().max().sqrt())
+            gain = float(operator.collapsed.taps.gram_diagonal().max().sqrt())
             last = max(0.5 * noise_level(camera, values), 0.005 * float(values.max()), 1e-9) / max(gain, 1e-12)
         return space_time_dct(operator, values, last=last, iterations=self.iterations, progress=progress)

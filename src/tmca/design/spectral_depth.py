@@ -88,11 +88,9 @@ def _recorded(
 ) -> tuple[Tensor, Tensor | None]:
     """(D, n, n) moments of scene and noise, and the scene's moments with the snapshot if asked for."""
     moments = _moments(camera, prior, window, camera.psf(), contamination=contamination, **how)
-    colour, shutter = (part.double() for part in camera.tile())
+    colour, shutters = (part.double() for part in camera.tile())
     noise, mean = camera.noise, prior.mean[:, 0, 0].to(colour)
-    passed = (shutter if shutter.ndim == 4 else shutter[None]).sum(1) / (
-        camera.slots if camera.exposure == "equal" else 1
-    )
+    passed = shutters.sum(1) / (camera.slots if camera.exposure == "equal" else 1)
     level = torch.einsum("clij,l,rij->rcij", colour, mean, passed).mean((2, 3)).flatten()
     variance = noise.read**2 + NOISE_FLOOR + noise.shot * level.repeat_interleave(window**2)
     return moments.covariance + torch.diag(variance), moments.cross

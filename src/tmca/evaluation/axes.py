@@ -86,7 +86,7 @@ class Sweep:
         known = decoders_for(self.camera)
         asked = {self.decoder, str(self.fixed.get("decoder", "")), *map(str, self.vary.get("decoder", ()))}
         options = {f"{OPTION}{one.name}" for name in asked & set(known) for one in settings_of(known[name])}
-        return (*SENSOR, *self.evaluation.swept, "decoder", "seed", *sorted(options), *self.faults)
+        return (*SENSOR, *self.evaluation.swept, "buckets", "decoder", "seed", *sorted(options), *self.faults)
 
     @property
     def networks(self) -> Mapping[str, StudyNetwork]:
@@ -120,7 +120,7 @@ class Sweep:
 
     def camera_of(self, point: Point) -> Settings:
         """Arguments of the camera in a combination, and what else of it is varied."""
-        return {name: value for name, value in point.items() if name in self.evaluation.swept or name == "seed"}
+        return {name: value for name, value in point.items() if name in (*self.evaluation.swept, "buckets", "seed")}
 
     def sensor_of(self, point: Point) -> Settings:
         """Arguments of the sensor in a combination."""
@@ -128,7 +128,9 @@ class Sweep:
 
     def faults_of(self, point: Point) -> Settings:
         """Faults of the bench in a combination; a SettingError for impossible ones."""
-        return Hardware.of({name: value for name, value in point.items() if name in self.faults}).faults()
+        hardware = Hardware.of({name: value for name, value in point.items() if name in self.faults})
+        hardware.check(self.camera, int(point.get("buckets", 1)))
+        return hardware.faults()
 
     def options_of(self, point: Point) -> Settings:
         """Settings of the decoder in a combination; a SettingError for those that it does not have."""

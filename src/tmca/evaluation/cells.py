@@ -7,10 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
+from zlib import crc32
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from tmca.applications import simulate
+from tmca.applications.moving import FRAMES, frames_of, mean_of
 from tmca.cameras import Hardware
 from tmca.decoders import OtherCodes, decode
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
@@ -125,6 +128,7 @@ class Measurement(Cell):
         camera_of: weights whose codes the camera shows.
         weights: of the network that decodes.
         faults: of the bench, that decoders do not know of.
+        motion: of the scene, see `tmca.evaluation.study.Motion`; at rest if empty.
         options: settings of the decoder.
         prior: file; the rendered scenes' prior without.
         about: what else the camera's evaluation needs.
@@ -147,6 +151,7 @@ class Measurement(Cell):
     camera_of: str | None = None
     weights: str | None = None
     faults: Settings = {}
+    motion: Settings = {}
     options: Settings = {}
     prior: str | None = None
     about: Settings = {}
@@ -156,7 +161,8 @@ class Measurement(Cell):
     def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
         scene = evaluation.scene(self)
         camera = evaluation.camera(self, scene)
-        snapshot = simulate(scene, camera, seed=self.seed, hardware=Hardware.of(self.faults))
+        seen = self._frames(scene, camera.slots) if self.motion else scene
+        snapshot = simulate(seen, camera, seed=self.seed, hardware=Hardware.of(self.faults))
         given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
         with catch_warnings():
             simplefilter("ignore", OtherCodes)  # rows name both codes and network
@@ -165,13 +171,36 @@ class Measurement(Cell):
         results = {
             "seconds": estimate.seconds,
             "throughput": camera.throughput(),
-            **evaluation.measured(self, shown, truth),
+            **self._measured(evaluation, shown, truth),
         }
         if self.save:
             from tmca.data import write_dataset
 
-            results["estimate"] = str(write_dataset(shown, folder / f"estimate-{self.key}.nc", overwrite=True))
+            middle = shown.isel({FRAMES: shown.sizes[FRAMES] // 2}) if FRAMES in shown.dims else shown
+            results["estimate"] = str(write_dataset(middle, folder / f"estimate-{self.key}.nc", overwrite=True))
         return results
+
+    def _frames(self, scene: Any, count: int) -> list[Any]:
+        """The scene in some frames of equal length."""
+        return frames_of(scene, self._displacement(), count, whole=self.motion.get("whole", True))
+
+    def _displacement(self) -> tuple[float, float]:
+        """Rows and columns within the exposure, pixels: in a direction drawn from seed and scene, or the bench's."""
+        if not self.motion:
+            return Hardware.of(self.faults).movement
+        angle = np.random.default_rng([self.seed, crc32(self.scene.encode())]).uniform(0, 2 * np.pi)
+        return self.motion["pixels"] * float(np.sin(angle)), self.motion["pixels"] * float(np.cos(angle))
+
+    def _measured(self, evaluation: CameraEvaluation, shown: Any, truth: Any) -> Settings:
+        """What is measured; of a scene that moves, or an estimate in frames, the mean over frames, with each of which a
+        still estimate is compared."""
+        count = self.motion.get("frames") or shown.sizes.get(FRAMES)
+        if count is None:
+            return evaluation.measured(self, shown, truth)
+        own = shown.sizes.get(FRAMES)
+        each = [shown if own is None else shown.isel({FRAMES: g * own // count}) for g in range(count)]
+        frames = zip(each, self._frames(truth, count), strict=True)
+        return {"metrics": mean_of([evaluation.measured(self, *frame)["metrics"] for frame in frames])}
 
 
 class Check(Cell):

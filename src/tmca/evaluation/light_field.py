@@ -65,18 +65,7 @@ class LightFieldEvaluation(CameraEvaluation):
     """Light fields; the reading of a cell has ``size``, the middle of what is measured, and ``crop``, of that again."""
 
     kind, Reading = "light-field", StudyLightFieldReading
-    swept = (
-        "slots",
-        "aperture",
-        "shutter",
-        "buckets",
-        "exposure",
-        "shear",
-        "transmittance",
-        "duty",
-        "period",
-        "design",
-    )
+    swept = ("slots", "aperture", "shutter", "exposure", "shear", "transmittance", "duty", "period", "design")
     words = ("aperture", "shutter", "exposure", "design")
     labels: ClassVar = {"lmmse": "patch LMMSE", "mixture": "patch mixture"}
     pictures: ClassVar = {

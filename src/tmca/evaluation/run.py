@@ -219,6 +219,7 @@ class Plan:
                 source=place.source, identity=_identity(place.identity, options), reading=place.reading,
                 settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes, part=place.part,
+                motion={} if study.motion is None else study.motion.model_dump(),
                 camera_of=camera_of, weights=weights, options=options,
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
                 save=shown and place.shown and seed == study.seed,

@@ -45,18 +45,7 @@ class SpectralEvaluation(CameraEvaluation):
     """Cubes."""
 
     kind, sweeps_networks, Reading = "spectral", True, SpectralReading
-    swept = (
-        "slots",
-        "aperture",
-        "shutter",
-        "buckets",
-        "exposure",
-        "dispersion",
-        "disperser",
-        "transmittance",
-        "duty",
-        "period",
-    )
+    swept = ("slots", "aperture", "shutter", "exposure", "dispersion", "disperser", "transmittance", "duty", "period")
     words = ("aperture", "shutter", "exposure", "disperser")
     pictures: ClassVar = {  # the thesis' figures 20 to 22
         "composites": "Colour composites",

@@ -80,8 +80,8 @@ class SpectralDepthEvaluation(CameraEvaluation):
     """Scenes with depth, of which the middle is measured. Light from around it falls into it, and is imaged too."""
 
     kind, Reading = "spectral-depth", SpectralDepthReading
-    swept = ("slots", "mask", "rms", "modes", "shutter", "buckets", "filters", "channels", "planes", "exposure",
-             "image_formation", "period", "contrast", "codes")  # fmt: skip
+    swept = ("slots", "mask", "rms", "modes", "shutter", "filters", "channels", "planes", "exposure", "image_formation",
+             "period", "contrast", "codes")  # fmt: skip
     always_learned = ("gaussian",)
     words = ("mask", "shutter", "filters", "channels", "exposure", "image_formation", "codes")
     metric = "depth_mae"

@@ -131,6 +131,20 @@ class TrainStage(Strict):
     settings: Settings = {}
 
 
+class Motion(Strict):
+    """How the scenes of a study move within the exposure, in directions that are drawn.
+
+    Args:
+        pixels: from its beginning to its end; 0 for scenes at rest, compared frame by frame likewise.
+        frames: of equal length, in each of which estimates are compared with the scene of that time.
+        whole: whether all of a scene moves; else the disc in its middle, before the rest.
+    """
+
+    pixels: float = Field(ge=0, le=1000)
+    frames: int = Field(default=4, ge=1, le=1024)
+    whole: bool = True
+
+
 class PublishedRow(Strict):
     """A row of a published table, and what stands for it in a study.
 
@@ -174,6 +188,7 @@ class Study(Strict):
         reading: how they are read; see the camera's ``Reading``.
         settings: of the camera, for all codes.
         codes, noises: rows by their names; a noise is the arguments of a `Sensor`.
+        motion: of the scenes that are measured; they stand still if None.
         decoders: names, of decoders and of ``networks``.
         options: settings of decoders, by their names.
         networks: that are trained.
@@ -201,6 +216,7 @@ class Study(Strict):
     settings: Settings = {}
     codes: dict[str, Code] = Field(min_length=1)
     noises: dict[str, Settings] = Field(min_length=1)
+    motion: Motion | None = None
     decoders: tuple[str, ...]
     options: dict[str, Settings] = {}
     networks: dict[str, StudyNetwork] = {}

@@ -37,7 +37,7 @@ def decoder_labels(kind: str, shown: Mapping[str, str] | None = None) -> dict[st
     """
     from tmca.decoders import decoders_for
 
-    known = {name: cls.label for name, cls in decoders_for(kind).items()}
+    known = {name: cls.label for name, cls in decoders_for(kind, moving=None).items()}
     return {**(shown or {}), **{name: label for name, label in known.items() if name not in (shown or {})}}
 
 

@@ -22,9 +22,9 @@ SUFFIXES = (".png", ".tif", ".tiff", ".npy", ".bmp")
 class Frames:
     """Grey frames in digital numbers.
 
-    ``values`` is ``(N, H, W)`` float32, ``saturated`` ``(N, H, W)``, ``names`` say which frame is which (the file's
-    name without its suffix, or the number in a stack), ``step`` is one digital number (0 of floats), ``top`` the value
-    from which on a pixel is saturated, ``kind`` the type of the file's numbers.
+    ``values`` is ``(N, H, W)`` float32, of several buckets ``(N, R, H, W)``, ``saturated`` likewise, ``names`` say
+    which frame is which (the file's name without its suffix, or the number in a stack), ``step`` is one digital number
+    (0 of floats), ``top`` the value from which on a pixel is saturated, ``kind`` the type of the file's numbers.
     """
 
     source: Path
@@ -36,7 +36,7 @@ class Frames:
     kind: str = ""
 
 
-def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
+def read_frames(path: str | Path, saturation: float | None = None, *, buckets: bool = False) -> Frames:
     """Read a folder of PNG, TIFF, BMP or NPY frames, or one such file with ``(N, H, W)`` or ``(H, W)``.
 
     Files count in the order of the numbers in their names. Colour frames become grey by the mean of their channels, and
@@ -46,6 +46,7 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
         path: the folder or the stack.
         saturation: the value from which on a pixel is saturated; an integer type's maximum without it, and 1 for
             floats that stay below or at 1. Larger floats have none.
+        buckets: whether a file of a folder may hold those of a pixel, ``(R, H, W)``.
 
     Raises:
         DataError: no frames, a broken file, or frames of different size or type.
@@ -55,7 +56,7 @@ def read_frames(path: str | Path, saturation: float | None = None) -> Frames:
     if saturation is not None:
         check_range("saturation", saturation, above=0)
     if path.is_dir():
-        names, arrays = _of_folder(path)
+        names, arrays = _of_folder(path, buckets)
     elif path.is_file():
         names, arrays = _of_stack(path)
     else:
@@ -107,9 +108,14 @@ def frame_files(folder: Path) -> list[Path]:
     return files
 
 
-def _of_folder(folder: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
+def coloured(frame: NDArray[Any]) -> bool:
+    """Whether a frame has colours on its last axis."""
+    return frame.ndim == 3 and frame.shape[-1] in (1, 2, 3, 4)
+
+
+def _of_folder(folder: Path, buckets: bool) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
     files = frame_files(folder)
-    return tuple(f.stem for f in files), [_grey_axes(read_array(f), f) for f in files]
+    return tuple(f.stem for f in files), [_grey_axes(read_array(f), f, buckets) for f in files]
 
 
 def _of_stack(file: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
@@ -128,8 +134,8 @@ def counted(name: str) -> list[tuple[int, str]]:
     return [(int(part), "") if part.isdigit() else (-1, part.lower()) for part in re.split(r"(\d+)", name)]
 
 
-def _grey_axes(frame: NDArray[Any], file: Path) -> NDArray[Any]:
-    if frame.ndim not in (2, 3) or (frame.ndim == 3 and frame.shape[-1] not in (1, 2, 3, 4)):
+def _grey_axes(frame: NDArray[Any], file: Path, buckets: bool) -> NDArray[Any]:
+    if frame.ndim != 2 and not coloured(frame) and not (buckets and frame.ndim == 3):
         raise DataError(file, f"an array of shape {frame.shape}", "one frame (H, W), in grey or colour")
     return frame
 
@@ -152,7 +158,7 @@ def _said(array: NDArray[Any]) -> str:
 
 def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: float | None) -> Frames:
     whole = raw.dtype.kind in "ui"
-    colours = raw[..., : 1 if raw.shape[-1] == 2 else 3] if raw.ndim == 4 else raw[..., None]
+    colours = raw[..., : 1 if raw.shape[-1] == 2 else 3] if coloured(raw[0]) else raw[..., None]
     top = saturation if saturation is not None else _full_scale(raw)
     values = colours.mean(axis=-1, dtype=np.float64).astype(np.float32)
     saturated = np.asarray((colours >= top).any(axis=-1))

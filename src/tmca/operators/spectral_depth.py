@@ -107,7 +107,7 @@ def _check(scene: Tensor, weights: Tensor, transfer: Tensor, frame: Size) -> Non
     check_shape("transfer functions", transfer, (..., frame[0], frame[1] // 2 + 1), "take those of this frame")
 
 
-def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
+def coded_exposure(irradiance: Tensor, colour: Tensor, shutters: Tensor, exposure: str = "equal") -> Tensor:
     """Snapshot (B, R·C, H, W) of irradiance (B, K, L, H, W) through colour filters and shutter on the sensor (eq. 34).
 
     ``e_{c,m,n} = (1/K) Σ_k S^k_{m,n} Σ_ℓ C_{c,ℓ,m,n} g_{k,ℓ,m,n}``.
@@ -115,19 +115,18 @@ def coded_exposure(irradiance: Tensor, colour: Tensor, shutter: Tensor, exposure
     Args:
         irradiance: of every slot.
         colour: (C, L, H, W) transmittance of the filter over every pixel, times the response of sensor channel c.
-        shutter: (K, H, W), or (R, K, H, W) of pixels with R buckets, whose channels come one bucket after the other.
+        shutters: (R, K, H, W) of pixels with R buckets, whose channels come one bucket after the other.
         exposure: ``"equal"`` (mean over slots) or ``"per-slot"`` (sum).
 
     Raises:
         ShapeError: parts that do not fit each other.
     """
-    if shutter.ndim == 4:
-        return torch.cat([coded_exposure(irradiance, colour, one, exposure) for one in shutter], 1)
     slots, *image = irradiance.shape[1:]
     check_shape("colour", colour, ("C", *image))
-    check_shape("shutter", shutter, (slots, *image[1:]))
-    recorded = torch.einsum("bklhw,khw->blhw", irradiance, shutter) * exposure_weight(exposure, slots)
-    return torch.einsum("blhw,clhw->bchw", recorded, colour)
+    check_shape("shutter", shutters, ("R", slots, *image[1:]))
+    weight = exposure_weight(exposure, slots)
+    recorded = (torch.einsum("bklhw,khw->blhw", irradiance, shutter) * weight for shutter in shutters)
+    return torch.cat([torch.einsum("blhw,clhw->bchw", light, colour) for light in recorded], 1)
 
 
 def equivalent_psf(
@@ -170,7 +169,7 @@ class LayeredOperator(LinearOperator):
         transfer: (K, D, L, H', W'/2+1), see ``transfer_functions``.
         frame: (H', W').
         colour: (C, L, H, W), filters times the response of the sensor's channels.
-        shutter: (K, H, W), or (R, K, H, W) of pixels with R buckets.
+        shutters: (R, K, H, W) of pixels with R buckets.
         exposure: ``"equal"`` or ``"per-slot"``.
 
     Raises:
@@ -178,30 +177,29 @@ class LayeredOperator(LinearOperator):
     """
 
     def __init__(
-        self, weights: Tensor, transfer: Tensor, frame: Size, colour: Tensor, shutter: Tensor, exposure: str = "equal"
+        self, weights: Tensor, transfer: Tensor, frame: Size, colour: Tensor, shutters: Tensor, exposure: str = "equal"
     ) -> None:
         super().__init__()
         size = (int(weights.shape[-2]), int(weights.shape[-1]))
         self.scene_shape = (transfer.shape[2], *size)
-        self.snapshot_shape = ((len(shutter) if shutter.ndim == 4 else 1) * colour.shape[0], *size)
+        self.snapshot_shape = (len(shutters) * colour.shape[0], *size)
         self.weights, self.transfer, self.frame = weights, transfer, frame
-        self.colour, self.shutter, self.exposure = colour, shutter, exposure
+        self.colour, self.shutters, self.exposure = colour, shutters, exposure
 
     def A(self, scene: Tensor) -> Tensor:
         self._check("scene", scene)
         irradiance = layered(scene, self.weights, self.transfer, self.frame)
-        return coded_exposure(irradiance, self.colour, self.shutter, self.exposure)
+        return coded_exposure(irradiance, self.colour, self.shutters, self.exposure)
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
         self._check("snapshot", snapshot)
         check_shape("weights", self.weights, (1 if len(self.weights) == 1 else len(snapshot), "D", "H", "W"))
         height, width = self.snapshot_shape[1:]
-        shutters = self.shutter if self.shutter.ndim == 4 else self.shutter[None]
-        light = torch.einsum("brchw,clhw->brlhw", snapshot.unflatten(1, (len(shutters), -1)), self.colour)
-        light = light * exposure_weight(self.exposure, shutters.shape[1])
+        light = torch.einsum("brchw,clhw->brlhw", snapshot.unflatten(1, (len(self.shutters), -1)), self.colour)
+        light = light * exposure_weight(self.exposure, self.shutters.shape[1])
         bands = []
         for band, passed in zip(light.unbind(2), self.transfer.unbind(2), strict=True):
-            slots = (band[:, :, None] * shutters).sum(1)
+            slots = (band[:, :, None] * self.shutters).sum(1)
             spectra = torch.fft.rfft2(slots, s=self.frame)[:, :, None] * passed.conj()
             back = torch.fft.irfft2(spectra.sum(1), s=self.frame)[..., :height, :width]
             bands.append((back * self.weights).sum(1))

@@ -69,6 +69,16 @@ class Taps:
         code = torch.cat([part.code for part in parts])
         return replace(one, code=code, channels=tuple(channels), offsets=tuple(offsets), buckets=len(parts))
 
+    @classmethod
+    def of_frames(cls, parts: Sequence[Taps]) -> Taps:
+        """The taps of a scene that changes: those of every frame, whose channels follow those of the frame before."""
+        one, codes = parts[0], torch.cat([part.bucket_code for part in parts], 1)
+        count = one.scene_channels
+        channels = tuple(c + g * count for g, part in enumerate(parts) for c in part.of_bucket(part.channels))
+        offsets = tuple(o for part in parts for o in part.of_bucket(part.offsets))
+        channels, offsets = channels * one.buckets, offsets * one.buckets
+        return Taps(codes.flatten(0, 1), channels, offsets, count * len(parts), one.snapshot_width, one.buckets)
+
     def of_bucket(self, parts: tuple[int, ...]) -> tuple[int, ...]:
         """Channels or offsets of one bucket."""
         return parts[: len(parts) // self.buckets]

@@ -65,7 +65,7 @@ def snapshot_moments(
     prior: SceneMoments,
     psf: Tensor,
     colour: Tensor,
-    shutter: Tensor,
+    shutters: Tensor,
     window: int,
     *,
     exposure: str = "equal",
@@ -79,7 +79,7 @@ def snapshot_moments(
         prior: of the scene; stationary, its blocks at least ``needed_block``.
         psf: (K, D, L, h, w).
         colour: (C, L, Q, Q) filters of a tile times the response of the sensor's channels.
-        shutter: (K, Q, Q) of a tile, or (R, K, Q, Q) of pixels with R buckets, whose windows are of R·C channels.
+        shutters: (R, K, Q, Q) of a tile of pixels with R buckets, whose windows are of R·C channels.
         window: m, pixels.
         exposure: ``"equal"`` or ``"per-slot"``.
         brightness: variance of the scene's overall brightness, in squares of its mean; 0 takes the mean as given.
@@ -93,13 +93,13 @@ def snapshot_moments(
     """
     _check(prior, psf, window)
     check_range("contamination", contamination, 0, 1)
-    colour, shutter, tile = _kinds(colour, shutter)
-    seen = sensed_psf(psf, colour, shutter, exposure)
+    colour, shutters, tile = _kinds(colour, shutters)
+    seen = sensed_psf(psf, colour, shutters, exposure)
     needed = needed_block(window, (psf.shape[-2], psf.shape[-1]))
     frame = framed(needed, (psf.shape[-2] + window, psf.shape[-1] + window))
     power = _power(prior, needed, frame).to(torch.promote_types(seen.dtype, torch.complex64))
     mean = prior.mean[:, 0, 0].to(seen)
-    pairs, kinds = _pairs(len(colour) * len(shutter), tile, window)
+    pairs, kinds = _pairs(len(colour) * len(shutters), tile, window)
     covariances, crosses = [], []
     for sensed in seen.unbind(1):
         spectrum = transfer_functions(sensed, frame).flatten(2).permute(2, 0, 1)
@@ -121,22 +121,20 @@ def _mixed(moments: list[Tensor], contamination: float) -> Tensor:
     return torch.lerp(every, every.mean(0, keepdim=True), contamination) if contamination else every
 
 
-def sensed_psf(psf: Tensor, colour: Tensor, shutter: Tensor, exposure: str = "equal") -> Tensor:
+def sensed_psf(psf: Tensor, colour: Tensor, shutters: Tensor, exposure: str = "equal") -> Tensor:
     """(R·C·Q·Q, D, L, h, w) response of every kind of pixel to points around it: eq. (35) as a pixel sees it.
 
     Arguments as in ``snapshot_moments``.
     """
-    shutters = shutter if shutter.ndim == 4 else shutter[None]
     kinds = torch.cat([torch.einsum("clij,kij->cijkl", colour, one).flatten(0, 2) for one in shutters])
     return torch.einsum("jkl,kdlhw->jdlhw", kinds, psf) / (len(psf) if exposure == "equal" else 1)
 
 
-def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _kinds(colour: Tensor, shutters: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Filters (C, L, P, 1) and shutter (R, K, P, 1) of the P kinds of pixels, and the kind of every pixel (Q, Q).
 
     Pixels of the same filter and shutter are one kind, unless gradients tell them apart.
     """
-    shutters = shutter if shutter.ndim == 4 else shutter[None]
     patterns = shutters.flatten(0, 1)
     flat = torch.cat((colour.flatten(0, 1), patterns)).flatten(1)
     kind = torch.arange(flat.shape[1], device=flat.device)
@@ -144,7 +142,7 @@ def _kinds(colour: Tensor, shutter: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         flat, kind = torch.unique(flat, dim=1, return_inverse=True)
     filters = flat[: -len(patterns), :, None].unflatten(0, colour.shape[:2])
     shown = flat[-len(patterns) :, :, None].unflatten(0, shutters.shape[:2])
-    return filters, shown, kind.reshape(shutter.shape[-2:])
+    return filters, shown, kind.reshape(shutters.shape[-2:])
 
 
 def _check(prior: SceneMoments, psf: Tensor, window: int) -> None:

@@ -5,7 +5,8 @@ Every function draws on the two axes of `tmca.plots.style.panels`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -132,6 +133,32 @@ def draw_timing(axes: Any, overlap: np.ndarray, delay: float, ratio: float, titl
     axes[1].set(xticks=range(slots), yticks=range(slots))
     axes[1].figure.colorbar(shown, ax=axes[1])
     plain_axes(axes[1], "time in which both are on (slots)", "slot of the shutter", "slot of the aperture")
+
+
+def draw_buckets(
+    axes: Any, levels: np.ndarray, predicted: np.ndarray, measured: Mapping[str, tuple[float, float]]
+) -> None:
+    """Light of every bucket ``(S, R)`` with all slots in one of them, then in turn, beside that of the fit; shares that
+    were measured with their standard deviations."""
+    shown, buckets = levels.shape
+    names = [f"all in {r + 1}" for r in range(buckets)] + ["in turn"] * (shown - buckets)
+    width = 0.8 / buckets
+    for bucket, colour in zip(range(buckets), cycle((BLUE, "0.6", "0.8"))):
+        places = np.arange(shown) + (bucket - (buckets - 1) / 2) * width
+        axes[0].bar(places, levels[:, bucket], 0.9 * width, color=colour, label=f"bucket {bucket + 1}")
+        axes[0].plot(places, predicted[:, bucket], "_", color=RED, markersize=14, label="fit" if not bucket else None)
+    axes[0].set_xticks(range(shown), names)
+    axes[0].legend(fontsize=SMALL, loc="upper center", ncols=buckets + 1)
+    axes[0].set_ylim(0, 1.3 * float(levels.max()))
+    plain_axes(axes[0], "light of the buckets", "slots", "share of all light")
+    values, stds = (100 * np.array([one[k] for one in measured.values()]) for k in (0, 1))
+    axes[1].bar(list(measured), values, 0.5, yerr=np.nan_to_num(stds), color=BLUE, ecolor=RED)
+    for place, value in enumerate(values):
+        axes[1].annotate(
+            f"{value:.2f} %", (place, value), (0, 4), textcoords="offset points", ha="center", fontsize=SMALL
+        )
+    axes[1].set_ylim(0, 1.2 * max(float(values.max()), 0.1))
+    plain_axes(axes[1], "light in the wrong place", "", "%")
 
 
 def draw_psf(axis: Axes, psf: np.ndarray, wavelengths: np.ndarray, depths: np.ndarray) -> None:

@@ -34,11 +34,12 @@ def colour_views(light_field: np.ndarray) -> np.ndarray:
     """``(V, U, H, W)`` or ``(3, V, U, H, W)`` with colours first → ``(V, U, H, W, C)``, C = 1 or 3.
 
     Raises:
-        ShapeError: another shape, or V or U even.
+        ShapeError: another shape, or V or U even where there is more than one row.
     """
     values = np.asarray(light_field)
     values = values[None] if values.ndim == 4 else values
-    if values.ndim != 5 or len(values) not in (1, 3) or values.size == 0 or not (values.shape[1] & values.shape[2] & 1):
+    grid_of = values.ndim == 5 and values.size > 0 and (values.shape[1] == 1 or values.shape[1] & values.shape[2] & 1)
+    if not grid_of or len(values) not in (1, 3):
         expected = "(V, U, H, W) or (3, V, U, H, W), V and U odd"
         raise ShapeError("light_field", f"shape {np.shape(light_field)}", expected)
     return np.moveaxis(values, 0, -1)

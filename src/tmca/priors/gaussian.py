@@ -205,9 +205,8 @@ class BlockPosterior:
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""
-        cross = self.cross.transpose(0, 1)
-        white = torch.linalg.solve_triangular(self.factor.to(cross.dtype), cross, upper=False)
-        return (self.solver.variance - white.square().sum(1)).clamp(min=0)
+        explained = [explained_variance(factor, cross) for cross, factor, _ in self._blocks]
+        return (self.solver.variance - torch.stack(explained)).clamp(min=0)
 
     def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
         """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""

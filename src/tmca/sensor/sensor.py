@@ -87,7 +87,8 @@ class Sensor(nn.Module):
         full_well: electrons at full scale; None switches shot noise off.
         read_noise_electrons: electrons, standard deviation, added to ``read_noise``; needs ``full_well``.
         bits: of the converter; None leaves the values continuous.
-        saturates: clip at full scale; by default where a full well or bits are given.
+        saturates: clip at full scale; by default where a full well or bits are given. A number is the share of full
+            scale at which a pixel is full and the converter ends, such as 0.5 for two buckets that halve the well.
         pedestal: share of full scale that the converter keeps below zero, so that noise around black is not clipped.
 
     Raises:
@@ -101,7 +102,7 @@ class Sensor(nn.Module):
         full_well: Float | None = None,
         read_noise_electrons: Float = 0.0,
         bits: Int | None = None,
-        saturates: bool | None = None,
+        saturates: bool | Float | None = None,
         pedestal: Float = 1 / 64,
     ) -> None:
         super().__init__()
@@ -120,6 +121,8 @@ class Sensor(nn.Module):
         self.read_noise, self.full_well, self.read_noise_electrons = read_noise, full_well, read_noise_electrons
         self.bits, self.pedestal = bits, pedestal
         self.saturates = saturates if saturates is not None else (bits is not None or full_well is not None)
+        self._top = 1.0 if isinstance(self.saturates, bool) else self.saturates
+        check_range("saturates", self._top, high=1, above=0, unit="of full scale")
 
     def noise(self, full_scale: float, exposures: int = 1) -> Noise:
         """Read and shot noise in snapshot units, the converter's rounding error counted as read noise.
@@ -130,7 +133,7 @@ class Sensor(nn.Module):
         """
         electron, rounding = full_scale / self.full_well if self.full_well else 0.0, 0.0
         if self.bits is not None:
-            rounding = (1 + self.pedestal) * full_scale * exposures / (2**self.bits - 1) / 12**0.5
+            rounding = (1 + self.pedestal) * self._top * full_scale * exposures / (2**self.bits - 1) / 12**0.5
         read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2 + rounding**2) ** 0.5
         return Noise(read=read, shot=electron)
 
@@ -152,7 +155,7 @@ class Sensor(nn.Module):
         Returns:
             (B, C, H, W') recorded snapshot, snapshot units.
         """
-        values, device, top = irradiance, irradiance.device, full_scale * exposures
+        values, device, top = irradiance, irradiance.device, self._top * full_scale * exposures
         source = torch.Generator(device).manual_seed(generator) if isinstance(generator, int) else generator
         electron = full_scale / self.full_well if self.full_well else 0.0
         read = (self.read_noise**2 + (self.read_noise_electrons * electron) ** 2) ** 0.5
@@ -160,7 +163,7 @@ class Sensor(nn.Module):
             values = shot_noise(values / electron, source) * electron
         if read:
             values = values + read * torch.randn(values.shape, generator=source, dtype=values.dtype, device=device)
-        if self.saturates:
+        if self.saturates is not False:
             values = values.clamp_max(top)
         if self.bits is not None:
             values = quantise(values, -self.pedestal * top, top, self.bits)

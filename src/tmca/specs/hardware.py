@@ -30,6 +30,8 @@ PARTS = {
                        "shear_error", "blur", "motion"),
 }  # fmt: skip
 """Faults that a camera cannot have."""
+BUCKETS = ("bucket_gain", "bucket_offset", "transfer")
+"""Faults of a sensor with several buckets alone."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,10 @@ class Hardware:
         contrast_ratio: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
         leakage: share of the light that a closed shutter pixel records; with several buckets, that each of them loses
             to the others.
+        bucket_gain: share by which the second and later buckets are read brighter than the first.
+        bucket_offset: what the second and later buckets read more than the first without light, share of full scale.
+        transfer: time after a pixel has changed its bucket in which its light reaches none, share of a slot: taps of a
+            pixel sort charge anew at every update of its code (Sarhangnejad et al., ISSCC 2019, 5.8).
         switching: time that the aperture needs from one pattern to the next, share of a slot; it changes linearly.
         dead_time: time at the beginning of every slot in which no shutter is open, share of a slot.
         delay: of the shutter after the aperture, slots.
@@ -64,6 +70,9 @@ class Hardware:
 
     contrast_ratio: float = _fault(inf, 1, inf, "open light over closed light, above 1")
     leakage: float = _fault(0.0, 0, 1, "share of the light, 0 to 1")
+    bucket_gain: float = _fault(0.0, -0.5, 1, "share of the gain, -0.5 to 1")
+    bucket_offset: float = _fault(0.0, -1, 1, "share of full scale, within ±1")
+    transfer: float = _fault(0.0, 0, 1, "share of a slot, 0 to 1")
     switching: float = _fault(0.0, 0, 1, "share of a slot, 0 to 1")
     dead_time: float = _fault(0.0, 0, 1, "share of a slot, 0 to 1")
     delay: float = _fault(0.0, -64, 64, "slots, within ±64")
@@ -142,9 +151,12 @@ class Hardware:
         words = {n: " ".join(f"{v:g}" for v in _numbers(n, value)) for n, value in self.faults().items()}
         return ", ".join(f"{name} = {value}" for name, value in words.items())
 
-    def check(self, application: str) -> None:
-        """Raises SettingError for a fault that a camera cannot have."""
+    def check(self, application: str, buckets: int = 1) -> None:
+        """Raises SettingError for a fault that a camera, or a sensor with so many buckets a pixel, cannot have."""
         for name in self.faults():
+            if buckets == 1 and name in BUCKETS:
+                expected = "none of a sensor with one bucket"
+                raise SettingError(name, str(getattr(self, name)), expected, "take a camera with buckets=2")
             if name in PARTS[application]:
                 possible = ", ".join(other for other in LIMITS if other not in PARTS[application])
                 raise SettingError(

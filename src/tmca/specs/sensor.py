@@ -11,8 +11,8 @@ from tmca.specs.base import Spec
 _Noise = Annotated[float, Field(ge=0, le=1e6)]
 
 
-class SensorSpec(Spec):
-    """The sensor."""
+class NoiseSpec(Spec):
+    """What a sensor does to light that it can hold."""
 
     read_noise: _Noise = 0.0
     "Standard deviation in snapshot units (1 = one band or view of a white scene)."
@@ -24,7 +24,14 @@ class SensorSpec(Spec):
     "Bits of the analogue-to-digital converter."
 
 
-class SheetSpec(SensorSpec):
+class SensorSpec(NoiseSpec):
+    """The sensor."""
+
+    saturates: Annotated[float, Field(gt=0, le=1)] | None = None
+    "Share of full scale at which a pixel, or a bucket of it, is full; full scale where a full well or bits are given."
+
+
+class SheetSpec(NoiseSpec):
     """A sensor and its modulator as their data sheets give them."""
 
     exposure: Annotated[float, Field(gt=0)] | None = None

@@ -51,9 +51,13 @@ def save_checkpoint(
         copies = {name: value.detach().cpu().contiguous().clone() for name, value in tensors.items()}
         save_file(copies, temporary / _TENSORS)
         write_json({"step": step, **state}, temporary / _STATE)
+    _delete_old(folder)
+    return folder / f"{step:07d}"
+
+
+def _delete_old(folder: Path) -> None:
     for old in _checkpoints(folder)[:-_NEWEST]:
         shutil.rmtree(old, ignore_errors=True)
-    return folder / f"{step:07d}"
 
 
 def latest_checkpoint(folder: Path) -> Path | None:
@@ -74,6 +78,7 @@ def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer
         DamagedFile: a checkpoint that was passed over.
     """
     damaged = None
+    _delete_old(folder)  # where a run was killed before it did
     for path in reversed(_checkpoints(folder)):
         if damaged is not None:
             warn(f"{damaged}; going on from the one before", DamagedFile, stacklevel=2)

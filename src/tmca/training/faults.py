@@ -49,7 +49,7 @@ class DrawnFaults:
             return camera, sensor
         rng = np.random.default_rng(seed)
         hardware, drawn = self.drawn(rng), int(rng.integers(2**31))
-        return imperfect(camera, hardware, drawn), defective(sensor, hardware, drawn)
+        return imperfect(camera, hardware, drawn), defective(sensor, hardware, drawn, camera.buckets)
 
     def drawn(self, rng: np.random.Generator) -> Hardware:
         """One bench."""

@@ -133,9 +133,10 @@ def test_two_files_of_one_name_are_refused(tmp_path, taken):
         find_device("folder", path=str(folder))
 
 
-def test_whole_exposures_are_named_as_such(tmp_path):
-    camera = spectral(sensor=Sensor(read_noise=0.002))
-    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+@pytest.mark.parametrize(("buckets", "device"), [(1, "coded-exposure"), (2, "coded-exposure-two-bucket")])
+def test_whole_exposures_are_named_as_such(tmp_path, buckets, device):
+    camera = spectral(sensor=Sensor(read_noise=0.002), buckets=buckets)
+    export = exported(tmp_path, camera, "dli4120", device)
     own = capture(export, bench_of(camera), tmp_path / "own", repeats=2)
     names = DARKS | {"exposure.tif": "exposure", "exposure_r1.tif": "exposure_r1"}
     bench = find_device("folder", path=str(theirs(tmp_path / "a", own, names)))

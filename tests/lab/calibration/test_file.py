@@ -14,6 +14,7 @@ from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, write_dataset
 from tmca.errors import DataError, OutputError
 from tmca.lab.calibration.apply import bench_of, check_fits
+from tmca.lab.calibration.buckets import BucketMixing
 from tmca.lab.calibration.captures import averaged, read_captures
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
@@ -43,6 +44,7 @@ PARTS = {
         np.arange(4, 7) * 1e-7, array(3, 2), array(3, 2), "cauchy", array(2, 2), array(2), array(3), array(3)
     ),
     "shear": MeasuredShear(array(4, 2), array(4, 2), array(2), array(2), array(2), 0.1, array(4)),
+    "buckets": BucketMixing(array(3, 2), array(3, 2), 0.02, 0.05, array(2), 1e-4),
     "timing": Timing(0.1, 0.98, array(2), 100.0, 0.01, 4, False, 0.02, 1e-3),
     "psf0": PsfStack(array(2, 3, 5, 5), array(2), array(3), array(2, 2), array(2, 3)),
     "psf1": PsfStack(array(3, 2, 7, 7), array(3), array(2), array(3, 2), array(3, 2)),

@@ -48,7 +48,13 @@ BENCHES = {
         Hardware(misregistration=(0.5, -0.7), shear_error=0.1),
     ),
     "spectral-depth": (spectral_depth, ("dmp40", "coded-exposure"), Hardware(wavefront_error=60e-9)),
+    "two buckets": (
+        lambda: spectral().replace(buckets=2, shutter="random"),
+        ("dli4120", "coded-exposure-two-bucket"),
+        Hardware(bucket_gain=0.06, bucket_offset=0.02, leakage=0.03, transfer=0.08, delay=0.1),
+    ),
 }
+LABS = {kind: LAB_CAMERAS.get(kind, LAB_CAMERAS["spectral"]) for kind in BENCHES}
 
 
 class Bench:
@@ -60,8 +66,8 @@ class Bench:
         self.export = exported(folder, self.camera, *devices)
         self.manifest = read_manifest(self.export)
         self.steps = steps_of(self.camera, self.manifest)
-        waves = LAB_CAMERAS[kind].wavelengths(self.camera)
-        self.asked = Asked(8, tuple(waves), tuple(LAB_CAMERAS[kind].depths(self.camera)))
+        waves = LABS[kind].wavelengths(self.camera)
+        self.asked = Asked(8, tuple(waves), tuple(LABS[kind].depths(self.camera)))
         for index, step in enumerate(self.steps):
             how = {"hardware": self.hardware, "taken": 1000 * index, "whole": exposed_whole(self.manifest)}
             device = find_device("simulated", camera=self.camera, scene=[], **how)
@@ -90,7 +96,7 @@ MEASURED = [
     (kind, name)
     for kind in BENCHES
     for name, step in STEPS.items()
-    if name in LAB_CAMERAS[kind].steps and step.fit is not None
+    if name in LABS[kind].steps and step.fit is not None and (name != "buckets" or kind == "two buckets")
 ]
 each_step = pytest.mark.parametrize(("kind", "name"), MEASURED, ids=[" ".join(one) for one in MEASURED])
 
@@ -101,7 +107,7 @@ def part_names(bench, name):
 
 
 def test_every_camera_of_the_table_and_every_part_is_on_a_bench_here():
-    assert set(BENCHES) == set(LAB_CAMERAS)
+    assert set(BENCHES) == {*LAB_CAMERAS, "two buckets"}
     assert {name.replace("psf", "wavefront") for _, name in MEASURED} | {"psf"} == set(KINDS)
     assert set(TRUTHS) == {name for _, name in MEASURED}
 
@@ -130,14 +136,21 @@ def test_a_fit_leaves_what_is_usual(benches, kind, name):
 def dark(bench, part):
     """The frames of a sensor with channels are their mean."""
     device = find_device("simulated", camera=bench.camera, scene=[])
-    read = bench.camera.noise.read / bench.camera.snapshot_shape[0] ** 0.5
+    read = bench.camera.noise.read / (bench.camera.snapshot_shape[0] / bench.camera.buckets) ** 0.5
     assert part.noise * device.gain == pytest.approx(read, rel=0.1)
-    assert np.median(part.mean) == pytest.approx(device.black, abs=1)
+    first, *others = part.mean if part.mean.ndim == 3 else [part.mean]
+    assert np.median(first) == pytest.approx(device.black, abs=1)
+    for other in others:
+        offset = (np.median(other) - device.black) / (device.saturation - device.black)
+        assert offset == pytest.approx(bench.hardware.bucket_offset, rel=0.01)
 
 
 def flat(bench, part):
     device = find_device("simulated", camera=bench.camera, scene=[])
-    assert part.level * device.gain == pytest.approx(0.5 * bench.camera.full_scale, rel=5e-3)
+    gains = [one.mean() for one in part.gain] if part.gain.ndim == 3 else [1.0]
+    level = 0.5 * bench.camera.full_scale * (1 + bench.hardware.bucket_gain / 2)
+    assert part.level * device.gain == pytest.approx(level, rel=5e-3)
+    assert gains[-1] / gains[0] == pytest.approx(1 + bench.hardware.bucket_gain, rel=2e-3)
     assert part.nonuniformity < 5e-3
 
 
@@ -153,6 +166,11 @@ def registration(bench, part):
     middle = np.array([(n - 1) / 2 for n in part.codes] + [1])
     drawn = LAB_CAMERAS[bench.camera.kind].code_map(bench.camera, bench.calibration)
     np.testing.assert_allclose((part.matrix - drawn) @ middle, bench.hardware.shift, atol=0.06)
+
+
+def buckets(bench, part):
+    assert part.leakage == pytest.approx(bench.hardware.leakage, abs=5e-4)
+    assert part.transfer == pytest.approx(bench.hardware.transfer, abs=5e-3)
 
 
 def timing(bench, part):
@@ -179,7 +197,7 @@ def psf(bench, part):
     assert float((fitted - true).norm()) < 0.2 * float((drawn - true).norm())
 
 
-TRUTHS = {one.__name__: one for one in (dark, flat, linearity, registration, timing, dispersion, shear, psf)}
+TRUTHS = {one.__name__: one for one in (dark, flat, linearity, registration, buckets, timing, dispersion, shear, psf)}
 
 
 @each_step
@@ -194,13 +212,11 @@ def test_a_part_alone_can_be_applied(benches, kind, name):
     bench = benches(kind)
     alone = bench.calibration.only(*part_names(bench, name))
     camera = calibrated(bench.camera, alone)
-    assert camera.kind == kind
+    assert camera.kind == LABS[kind].kind
     assert camera.scene_shape == bench.camera.scene_shape
-    foreign = [
-        other for other in BENCHES if part_names(bench, name)[-1].rstrip("0123") in LAB_CAMERAS[other].unmeasured
-    ]
+    foreign = [other for other in BENCHES if part_names(bench, name)[-1].rstrip("0123") in LABS[other].unmeasured]
     for other in foreign:
-        with pytest.raises(DataError, match=f"one of a {other} camera"):
+        with pytest.raises(DataError, match=f"one of a {LABS[other].kind} camera"):
             check_fits(benches(other).camera, alone)
 
 
@@ -227,7 +243,7 @@ def test_all_steps_together_make_the_camera_of_the_bench(benches, kind):
     scene = (torch.nn.functional.avg_pool2d(fine.flatten(1, -3), 5, 1, 2).reshape(fine.shape),)
     if kind == "spectral-depth":
         scene += (torch.full((1, 1, *bench.camera.size), float(bench.camera.planes.metres[2])),)
-    lab, nominal = LAB_CAMERAS[kind], bench.camera
+    lab, nominal = LABS[kind], bench.camera
     known = calibrated(nominal, bench.calibration)
     with torch.no_grad():
         true, drawn = (one.exact(*scene) for one in (bench.truth(), nominal))

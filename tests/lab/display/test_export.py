@@ -22,10 +22,7 @@ SIZES = [(12, 16), (13, 17)]
 
 
 def snapshot(folder, camera):
-    values = torch.zeros(1, 1, *camera.snapshot_shape[1:])
-    if isinstance(camera, SpectralDepthCamera):
-        values = torch.zeros(1, *camera.snapshot_shape)
-    return Snapshot(values, camera).save(folder / "taken.nc")
+    return Snapshot(torch.zeros(1, *camera.snapshot_shape), camera).save(folder / "taken.nc")
 
 
 def spectral(size=(12, 16), **settings):

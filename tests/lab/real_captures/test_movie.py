@@ -123,15 +123,8 @@ def test_frames_carry_their_slots():
 
 
 def test_what_cannot_be_framed_is_refused():
-    with pytest.raises(SettingError, match="frames: found 3, expected a divisor of the 8 slots"):
+    with pytest.raises(SettingError, match="frames: found 3, expected a divisor or a multiple of the 8 slots"):
         frame_operator(camera(), 3)
-    moving = SpectralCamera(bands=1, size=(4, 4), slots=4, dispersion=0.0)
-    with pytest.raises(
-        SettingError, match="snapshot: found an aperture that changes from slot to slot, expected the same in"
-    ):
-        frame_operator(moving, 2)
-    with pytest.raises(SettingError, match="whole pixels"):
-        frame_operator(camera(bands=2, dispersion=0.5), 2)
     snapshot = Snapshot(torch.rand(1, 1, 7, 6), camera())
     with pytest.raises(SettingError, match="opens every pixel within one frame"):
         decode(snapshot, "kriging", frames=2)

@@ -19,6 +19,7 @@ for name, text in {
     "registration": "Where mask pixels fall on the sensor, from captures of known patterns.",
     "dispersion": "Displacement and response of every wavelength, from monochromatic captures.",
     "shear": "Pixels per view, and the light of views, from captures with one view open.",
+    "buckets": "How the buckets of a pixel share its light, from captures of even light in each.",
     "timing": "Delay and duration of the shutter's slots, from captures with one slot open.",
     "psf": "Point spread functions and the wavefront of a mask, from captures of a point source.",
 }.items():
@@ -48,7 +49,8 @@ NAME stands for your camera; --onto NAME takes the newest file NAME_….nc.
     3  tmca calibrate linearity linearity --onto NAME                even light, 6 exposures or more, 2 frames each
   spectral and light-field cameras
     4  tmca calibrate registration registration --patterns shown --wavelength 550 --onto NAME
-    5  tmca calibrate timing timing --onto NAME                      one slot of aperture and shutter open each
+    5  tmca calibrate buckets buckets --onto NAME                    sensors with several buckets: even light in each
+       tmca calibrate timing timing --onto NAME                      one slot of aperture and shutter open each
     6  tmca calibrate dispersion dispersion --patterns shown --power source.csv --onto NAME
        tmca calibrate shear shear --patterns shown --onto NAME       pattern 3, by wavelengths; or one view open each
   spectral-depth camera

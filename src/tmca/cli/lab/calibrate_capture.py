@@ -29,12 +29,12 @@ def capture(
 ) -> None:
     """Take the frames of STEP on the bench that EXPORT is to be captured on, and say how to measure them.
 
-    STEP is dark, flat, white, linearity, registration, timing, dispersion or shear, of a spectral-depth camera dark or
-    psf0, psf1, …; or all, where the bench sets its light itself. Patterns lie on the devices as the codes of EXPORT do.
-    A step that was stopped goes on.
+    STEP is dark, flat, white, linearity, registration, buckets, timing, dispersion or shear, of a spectral-depth camera
+    dark or psf0, psf1, …; or all, where the bench sets its light itself. Patterns lie on the devices as the codes of
+    EXPORT do. A step that was stopped goes on.
 
     Args:
-        step: dark, flat, white, linearity, registration, timing, dispersion, shear, psf0 …, or all.
+        step: dark, flat, white, linearity, registration, buckets, timing, dispersion, shear, psf0 …, or all.
         export: folder of `tmca export`.
         out: folder of all steps; one folder each, and the patterns that were shown.
         wavelength: NM or NM,NM,… of the light; a simulated spectral camera's bands without.

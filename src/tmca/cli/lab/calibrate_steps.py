@@ -123,7 +123,8 @@ def measured_all(
     """Measure every step whose frames are in FOLDER, in their order: what capture and render write.
 
     Args:
-        folder: with folders dark, flat, white, linearity, registration, timing, dispersion, shear, psf0 …, patterns.
+        folder: with folders dark, flat, white, linearity, registration, buckets, timing, dispersion,
+            shear, psf0 …, patterns.
         wavelength: of the registration, nm; what capture took says it.
         reflectance: of the white reference; what capture took says it, else 1.
         power: text file of the source: wavelength in nm, power; FOLDER/source.csv where it is there.
@@ -231,6 +232,16 @@ def shear(captures: Path, /, *, patterns: Path, pattern: Whole = 3, how: Calibra
         pattern: which of them was shown, counted from 0.
     """
     _measured("shear", captures, how, patterns=patterns, pattern=pattern)
+
+
+def buckets(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
+    """Leakage between the buckets of a pixel, and the time of a change, from CAPTURES of even light.
+
+    Args:
+        captures: folder of frames with a page for each bucket: bucket_0_0 (all slots in the first), …, in_turn_4_0 (one
+            of four slots in each after the other).
+    """
+    _measured("buckets", captures, how)
 
 
 def timing(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:

@@ -41,8 +41,8 @@ def export(
 
     Args:
         source: codes.nc, the folder of a run, weights, a snapshot file, or default: the codes that come with tmca.
-        device: dli4120, pluto-2.1, dmp40, coded-exposure, emulated-shutter, or a YAML file (docs/devices.md); one for
-            each plane of the codes that is shown.
+        device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket, emulated-shutter, or a YAML file
+            (docs/devices.md); one for each plane of the codes that is shown.
         out: folder.
         exposure: of all slots together, seconds.
         code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows.
@@ -67,9 +67,8 @@ def export(
     if calibration is not None:
         _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
         affine = _registered(source, calibration, devices)
-    planes = read_planes(source)
     manifest = export_codes(
-        planes, devices, out, exposure=exposure, affine=affine,
+        read_planes(source), devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     ).manifest  # fmt: skip
@@ -79,8 +78,6 @@ def export(
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
     _say(manifest, out, json)
-    if planes.buckets > 1 and not json:
-        print("  shutter patterns are those of bucket 1: a sensor sends the light of closed slots to the others itself")
 
 
 def _refuse_beside_a_calibration(**options: Any) -> None:

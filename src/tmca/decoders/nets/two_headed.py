@@ -205,9 +205,9 @@ def first_stage(likelihood: PatchLikelihood, snapshot: Tensor, progress: Progres
 @torch.no_grad()
 def white_level(camera: SpectralDepthCamera) -> Tensor:
     """Mean level of a white scene behind filters and shutter, over pixels and channels, snapshot units."""
-    colour, shutter = camera.tile()
-    light = shutter.mean(-3) if camera.exposure == "equal" else shutter.sum(-3)
-    return (colour.sum(1) * light.mean(0) if light.ndim == 3 else colour.sum(1) * light).mean()
+    colour, shutters = camera.tile()
+    light = shutters.mean(1) if camera.exposure == "equal" else shutters.sum(1)
+    return (colour.sum(1) * light.mean(0)).mean()
 
 
 def code_tiles(camera: SpectralDepthCamera) -> tuple[Tensor, Tensor]:

@@ -189,7 +189,9 @@ def check_frame(values: NDArray[np.integer], where: Path, size: tuple[int, ...],
     more than half is saturated."""
     if values.shape not in ((size, size[1:]) if size[0] == 1 else (size,)):
         found, expected = ("×".join(map(str, one)) for one in (values.shape, size if size[0] > 1 else size[1:]))
-        raise DataError(where, f"a frame of {found}", f"{expected} pixels", "set the sensor's region to that")
+        alike = values.shape[-2:] == size[-2:]
+        remedy = "take all channels, or buckets, of the sensor" if alike else "set the sensor's region to that"
+        raise DataError(where, f"a frame of {found}", f"{expected} pixels", remedy)
     if (share := float((values >= saturation).mean())) > _SATURATED:
         remedy = "open the aperture of the lens less, or expose shorter"
         raise DataError(where, f"{share:.0%} saturated pixels", f"{_SATURATED:.0%} at most", remedy)

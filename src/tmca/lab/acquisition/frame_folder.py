@@ -16,7 +16,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import DARK, WHOLE, frames_of
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole
-from tmca.lab.frames import frame_files
+from tmca.lab.frames import coloured, frame_files
 
 _SLOT = re.compile(r"slot[ _-]?(\d+)", re.IGNORECASE)
 _REPEAT = re.compile(r"(?:^|[^a-z])r(?:ep(?:eat)?)?[ _-]?(\d+)", re.IGNORECASE)
@@ -77,7 +77,8 @@ class FrameFolder:
     order of the numbers in their names: one a slot, or one exposure of all, again for every repeat.
 
     Args:
-        path: of the folder: PNG, TIFF, BMP or NPY, whole numbers; colours become channels.
+        path: of the folder: PNG, TIFF, BMP or NPY, whole numbers; colours become channels, and so do pages of a TIFF or
+            the first axis of an NPY: the buckets of a sensor with several.
         saturation: digital number from which on a pixel is saturated; the largest that the files can hold without.
         snapshot_units_per_dn: see ``Device``.
 
@@ -134,7 +135,7 @@ class FrameFolder:
             DataError: a broken file.
         """
         frame = read_array(self.files[self.name])
-        return frame if frame.ndim != 3 else np.moveaxis(frame[..., :3], -1, 0)
+        return np.moveaxis(frame[..., :3], -1, 0) if coloured(frame) else frame
 
 
 def _largest(file: Path) -> float:

@@ -33,7 +33,7 @@ from tmca.lab.acquisition.simulated import SimulatedBench
 from tmca.lab.display.codes import Planes, planes_of, terms_of
 from tmca.lab.display.devices import DeviceDescription, step_of
 from tmca.lab.display.export import Export
-from tmca.lab.display.manifest import check_export, device_of, exposed_whole, read_export, read_manifest
+from tmca.lab.display.manifest import buckets_of, check_export, device_of, exposed_whole, read_export, read_manifest
 from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, DRIVER, GAIN, SATURATED, WHITE
 from tmca.lab.quality import warn_of_saturation
@@ -250,6 +250,9 @@ def check_camera(export: str | Path, camera: Camera) -> None:
     remedy = "name a snapshot of the camera with these codes (--like)"
     if shown.slots != camera.slots:
         raise DataError(export, f"{shown.slots} slots", f"the camera's {camera.slots}", remedy)
+    if (seen := buckets_of(read_manifest(export))) != camera.buckets:
+        own = "export to a device that has them, such as coded-exposure-two-bucket"
+        raise DataError(export, f"buckets of a sensor: {seen}", f"the camera's {camera.buckets}", own)
     for name, plane in expected.planes.items():
         if name in described:
             _check_plane(export, name, device_of(described[name], export), shown, expected, remedy)

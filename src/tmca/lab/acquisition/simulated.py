@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from hashlib import sha256
 from typing import Any
 
@@ -14,6 +15,7 @@ from torch import Tensor, nn
 from tmca.cameras import Camera, Hardware, imperfect, moving_scenes
 from tmca.cameras.faulty import FaultyCodes, FaultyShutter
 from tmca.cameras.motion import check_displacement
+from tmca.codes.buckets import bucket_shutters
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.export import Export
@@ -59,9 +61,11 @@ class SimulatedBench:
             said = f"{bits} bits" + ("" if black is None else f", black at {black}")
             raise SettingError("simulated bench", said, "1 to 16 bits, black below its top")
         self.known, self.hardware, self.seed = camera, hardware or Hardware(), seed
-        self.camera, self.scene = imperfect(camera, self.hardware, seed, "dark"), tuple(scene)
+        self.hardware.check(camera.kind, camera.buckets)
+        self.camera, self.scene = self._on_bench(camera), tuple(scene)
         self.saturation = float(2**bits - 1)
-        self.black = _black(camera, self.saturation) if black is None else black
+        below = max(0.0, -self.hardware.bucket_offset)
+        self.black = _black(camera, self.saturation, below) if black is None else black
         self._top = camera.full_scale if whole else camera.white
         self.loaded, self.coded = False, False
         self.shown: int | None = None
@@ -100,7 +104,7 @@ class SimulatedBench:
             )
         for scene in self.scene[:1]:
             check_displacement(self.hardware.movement, scene.shape[-2:])
-        self.camera = imperfect(lab_camera(self.known).showing(self.known, codes), self.hardware, self.seed, "dark")
+        self.camera = self._on_bench(lab_camera(self.known).showing(self.known, codes))
         self.loaded = True
 
     def illuminate(self, light: Light) -> None:
@@ -123,9 +127,15 @@ class SimulatedBench:
         self.taken += 1
         with torch.no_grad():
             light = self._seen(whole)
-        numbers = (self.black + light / self.gain).round().clamp(0, self.saturation)[0]
-        frame = numbers.numpy().astype(np.uint16)
+        numbers = (self.black + light / self.gain)[0]
+        # that of the converter, whatever the exposure
+        numbers[len(numbers) // self.known.buckets :] += self.hardware.bucket_offset * (self.saturation - self.black)
+        frame = numbers.round().clamp(0, self.saturation).numpy().astype(np.uint16)
         return frame[0] if len(frame) == 1 else frame
+
+    def _on_bench(self, camera: Camera) -> Camera:
+        """The camera with all faults but the offset of buckets."""
+        return imperfect(camera, replace(self.hardware, bucket_offset=0.0), self.seed, "dark")
 
     def _seen(self, whole: bool) -> Tensor:
         """(1, C, H, W) what the sensor reads, snapshot units."""
@@ -159,14 +169,22 @@ class SimulatedBench:
         """Of the same light on every pixel, a share of white's."""
         exposures = self.known.exposures if self.coded else 1
         irradiance = torch.full((1, *self.camera.snapshot_shape), share * self.known.white * exposures)
+        if self.known.buckets > 1 and self.coded:
+            irradiance *= self._collected()
         sensor = self.camera.sensor if self.coded else sub_exposed(self.camera, self.known.slots)
         recorded: Tensor = sensor(irradiance, self.known.white, self._noise(), exposures)
         return recorded
 
+    def _collected(self) -> Tensor:
+        """(R·C, H, W) share of the exposure in which every bucket collects."""
+        shown: Tensor = self.camera.codes()[1]  # type: ignore[operator]
+        shutters = bucket_shutters(shown, self.known.slots, self.known.buckets).mean(1)
+        return shutters.repeat_interleave(self.camera.snapshot_shape[0] // len(shutters), 0)
 
-def _black(camera: Camera, top: float) -> int:
-    """Digital number of no light below which noise does not fall."""
-    level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
+
+def _black(camera: Camera, top: float, below: float) -> int:
+    """Digital number of no light below which noise does not fall, nor a bucket's offset."""
+    level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale) + below
     return int(level * top / (1 + level))
 
 

@@ -44,7 +44,7 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
     for part in calibration.parts:
         if kind_of(part) in lab.unmeasured:
             _refuse(calibration, f"a calibration with {part}", f"one of a {camera.kind} camera")
-    sizes = {"sensor": tuple(camera.snapshot_shape[-2:])}
+    sizes = {"sensor": _sensor_of(camera)}
     if lab.masked:
         sizes["codes"] = tuple(camera.codes.aperture.size)  # type: ignore[union-attr, arg-type]
     for what, size in sizes.items():
@@ -55,6 +55,12 @@ def check_fits(camera: Camera, calibration: Calibration, notes: dict[str, Any] |
         found = f"a calibration of {measured:%Y-%m-%d %H:%M}"
         expected = f"one after the codes, which are of {date:%Y-%m-%d %H:%M}"
         raise DataError(calibration.where, found, expected, "calibrate again with the device as it is now")
+
+
+def _sensor_of(camera: Camera) -> tuple[int, ...]:
+    """(H, W) of the sensor, (R, H, W) of one with several buckets a pixel."""
+    buckets = (camera.buckets,) if camera.buckets > 1 else ()
+    return (*buckets, *camera.snapshot_shape[-2:])
 
 
 def _refuse(calibration: Calibration, found: str, expected: str) -> None:
@@ -150,7 +156,7 @@ def from_digital_numbers(
     """Relative irradiance of raw values (…, H, W): ``(raw - dark) / flat · full_scale / white level``.
 
     Args:
-        values: digital numbers.
+        values: digital numbers; (…, R·C, H, W) of R buckets.
         calibration: with dark and flat.
         full_scale: of the camera.
         above_dark: values are without a dark frame of their own already.
@@ -159,10 +165,14 @@ def from_digital_numbers(
         DataError: see ``white_level``, or values of another size than the dark.
     """
     level = white_level(calibration)
-    check_size(calibration.where, "a dark", calibration.part("dark").mean.shape, values.shape[-2:])
-    raw = values.double().numpy() + (calibration.part("dark").mean if above_dark else 0)
-    shares = calibration.corrected(raw) / level
-    return torch.from_numpy(shares * full_scale).to(values)
+    dark = calibration.part("dark").mean
+    check_size(calibration.where, "a dark", dark.shape[-2:], values.shape[-2:])
+    raw = values.double().numpy()
+    if dark.ndim == 3:
+        raw = raw.reshape(*raw.shape[:-3], len(dark), -1, *raw.shape[-2:]).swapaxes(-3, -4)  # (…, C, R, H, W)
+    light = calibration.corrected(raw + (dark if above_dark else 0))
+    light = light.swapaxes(-3, -4).reshape(values.shape) if dark.ndim == 3 else light
+    return torch.from_numpy(light / level * full_scale).to(values)
 
 
 def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
@@ -302,6 +312,6 @@ def _camera(source: str | Path) -> Any:
 def _drawn(camera: Any, calibration: Calibration) -> Any:
     """(2, 3) map from code to sensor pixels of the camera as it was drawn."""
     sensor = calibration.about["camera"].get("sensor")
-    if sensor and tuple(sensor) != tuple(camera.snapshot_shape[-2:]):
+    if sensor and tuple(sensor) != _sensor_of(camera):
         check_fits(camera, calibration.without("registration"))
     return lab_camera(camera).code_map(camera, calibration)

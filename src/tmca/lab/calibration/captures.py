@@ -86,16 +86,17 @@ def read_captures(
         path: see `tmca.lab.frames.read_frames`.
         saturation: see there; that of the bench that took them where it was kept.
         may_saturate: whether saturated frames are wanted.
-        sensor: (H, W) they have to have.
+        sensor: (H, W) they have to have, or (R, H, W).
 
     Raises:
         DataError: no frames, another size, frames that are missing or changed, or one more than a hundredth of which is
             saturated.
     """
-    frames = read_frames(path, taken_with(path).get("saturation") if saturation is None else saturation)
+    top = taken_with(path).get("saturation") if saturation is None else saturation
+    frames = read_frames(path, top, buckets=True)
     if sensor is not None:
         check_size(path, "frames", frames.values.shape[1:], sensor, "use the sensor that was calibrated before")
-    share = frames.saturated.mean(axis=(1, 2))
+    share = frames.saturated.reshape(len(frames.names), -1).mean(axis=1)
     if not may_saturate and share.max() > _SATURATED:
         found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
         raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")

@@ -17,11 +17,11 @@ from tmca.lab.acquisition.captures import captured_so_far, check_frame, in_use, 
 from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, number_of
 from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
 from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
-from tmca.lab.calibration.shots import CODES, OPEN, PATTERNS, Asked, Shot, pair_name
+from tmca.lab.calibration.shots import BUCKET, CODES, IN_TURN, OPEN, PATTERNS, Asked, Shot, pair_name
 from tmca.lab.calibration.steps import step_of, steps_of
-from tmca.lab.display.codes import Planes
+from tmca.lab.display.codes import Planes, by_slot
 from tmca.lab.display.export import Export, export_like
-from tmca.lab.display.manifest import check_export, device_of, placement_of, read_manifest
+from tmca.lab.display.manifest import buckets_of, check_export, device_of, placement_of, read_manifest
 
 
 def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) -> list[Shot]:
@@ -100,16 +100,18 @@ def capture_step(
                 values = frame_of(calls, shot.slot, shot.whole, f"{step}/{shot.name}")
                 most = np.inf if step == "linearity" else saturation
                 check_frame(values, folder / shot.name, tuple(camera.snapshot_shape), most)
-                # of a sensor with channels their mean, as colours are read
-                keep(
-                    values if values.ndim == 2 else np.rint(values.mean(0)).astype(np.uint16),
-                    shot.frame,
-                    record,
-                    folder,
-                )
+                keep(_grey(values, camera.buckets), shot.frame, record, folder)
             if progress:
                 progress(done + 1, len(shots), shot.name)
     return folder
+
+
+def _grey(values: Any, buckets: int) -> Any:
+    """(H, W), of several buckets (R, H, W): of a sensor with channels their mean, as colours are read."""
+    if values.ndim == 2 or len(values) == buckets > 1:
+        return values
+    mean = np.rint(values.reshape(buckets, -1, *values.shape[1:]).mean(1)).astype(np.uint16)
+    return mean if buckets > 1 else mean[0]
 
 
 def _kept_with(step: str, asked: Asked) -> dict[str, Any]:
@@ -155,7 +157,8 @@ class ShownCodes:
             raise DataError(self.source, found, "an aperture of pixels", "export it to the device that shows it")
         planes = self._patterns() if name == PATTERNS else self._slots(name)
         placed = {plane: self.placed[plane] for plane in planes}
-        codes = Planes("codes of a calibration", self.manifest["camera"], planes)
+        buckets = buckets_of(self.manifest) if "shutter" in planes else 1
+        codes = Planes("codes of a calibration", self.manifest["camera"], planes, buckets=buckets)
         slot = float(self.manifest["exposure_s"]) / int(self.manifest["slots"])
         return export_like(codes, placed, self.folder / "shown" / name, slot)
 
@@ -170,17 +173,21 @@ class ShownCodes:
         return {"aperture": torch.from_numpy(patterns).float()}
 
     def _slots(self, name: str) -> dict[str, torch.Tensor]:
-        """All open in every slot, or in one slot of each plane."""
-        slots = int(self.manifest["slots"])
-        pairs = {pair_name(i, j): (i, j) for i in range(slots) for j in range(slots)} | {OPEN: (None, None)}
-        return {
-            plane: _open(slots, self.placed[plane][1].code, only)
-            for plane, only in zip(("aperture", "shutter"), pairs[name], strict=True)
-            if plane in self.placed
-        }
+        """Planes of which the aperture is open in all slots, or in one, and every slot is in one bucket, or in none."""
+        slots, buckets = int(self.manifest["slots"]), buckets_of(self.manifest)
+        pairs = {pair_name(i, j): (i, j) for i in range(slots) for j in range(slots)}
+        opened, bucket = torch.ones(slots), torch.zeros(slots)
+        if name in pairs:
+            opened, bucket = torch.eye(slots)[pairs[name][0]], 1 - torch.eye(slots)[pairs[name][1]]
+        elif name == IN_TURN:
+            bucket = torch.arange(slots) % buckets
+        elif name != OPEN:
+            bucket = torch.full((slots,), int(name.removeprefix(BUCKET)))
+        shares = {"aperture": opened, "shutter": (bucket == torch.arange(buckets)[:, None]).flatten().float()}
+        planes = {plane: _over(shares[plane], placed[1].code) for plane, placed in self.placed.items()}
+        return planes | ({"shutter": by_slot(planes["shutter"], slots, buckets)} if "shutter" in planes else {})
 
 
-def _open(slots: int, size: tuple[int, int], only: int | None) -> torch.Tensor:
-    """(K, H, W) open in one slot, or in all of them."""
-    chosen = torch.ones(slots) if only is None else torch.eye(slots)[only]
-    return chosen[:, None, None].expand(slots, *size).contiguous()
+def _over(shares: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+    """(n, H, W) the same on every pixel."""
+    return shares[:, None, None].expand(-1, *size).contiguous()

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FORMAT, FORMAT_1 = "tmca calibration 2", "tmca calibration 1"
 """Of version 0.1 a NetCDF file of all steps lay beside a JSON file that told of them."""
-_SENSOR_ALONE = ("dark", "flat", "linearity")
+_SENSOR_ALONE = ("dark", "flat", "linearity", "buckets")
 _STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
 
 
@@ -63,8 +63,13 @@ class Calibration:
         """Frames (…, H, W) without dark, over the flat field, defects mended, as far as these were measured."""
         return corrected(values, self.part("dark"), self.part("flat"))
 
+    def light(self, values: ArrayLike) -> Array:
+        """(N, H, W) of frames (N, H, W), or (N, R, H, W), corrected, all buckets together."""
+        light = self.corrected(values)
+        return light if light.ndim == 3 else light.sum(1)
+
     def defects(self) -> NDArray[np.bool_] | None:
-        """(H, W) hot and dead pixels; None where neither dark nor flat was measured."""
+        """(H, W), or (R, H, W), hot and dead pixels; None where neither dark nor flat was measured."""
         return defects(self.part("dark"), self.part("flat"))
 
     def settings(self, name: str) -> Mapping[str, Any]:
@@ -107,7 +112,7 @@ class Calibration:
             part: what was measured.
             residuals: what the step says of its own errors.
             sources: files and folders it was measured from.
-            sensor, codes: (rows, columns) of sensor and mask.
+            sensor, codes: (rows, columns) of sensor and mask; (R, rows, columns) of a sensor with several buckets.
             settings: of the step.
 
         Raises:
@@ -214,7 +219,7 @@ class _Camera(Attributes):
     """Whose calibration it is."""
 
     name: str | None = None
-    sensor: tuple[int, int] | None = None
+    sensor: tuple[int, int] | tuple[int, int, int] | None = None
     codes: tuple[int, int] | None = None
 
 

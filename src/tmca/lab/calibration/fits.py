@@ -13,13 +13,14 @@ import numpy as np
 from tmca.cameras import Snapshot
 from tmca.data import nm_to_metres
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.buckets import measure_buckets
 from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
 from tmca.lab.calibration.dispersion import REGISTERED_AT, Curve, measure_dispersion
 from tmca.lab.calibration.displacement import measure_shear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import register
-from tmca.lab.calibration.sensor import measure_dark, measure_flat, measure_linearity
+from tmca.lab.calibration.sensor import DarkField, measure_dark, measure_flat, measure_flats, measure_linearity
 from tmca.lab.calibration.timing import measure_timing
 from tmca.lab.frames import Array, Frames, named
 
@@ -27,6 +28,8 @@ VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
 POINT = re.compile(r"(\d+(?:\.\d+)?)m_(\d+(?:\.\d+)?)nm(?:_|$)")
 WAVE = re.compile(r"(\d+(?:\.\d+)?)nm(?:_|$)")
+BUCKET = re.compile(r"bucket_(\d+)(?:_|$)")
+IN_TURN = re.compile(r"in_turn_(\d+)(?:_|$)")
 EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
 
 
@@ -79,14 +82,19 @@ class Captured:
         value = getattr(self.given, name)
         return taken_with(self.path).get(name) if value is None else value
 
+    @property
+    def buckets(self) -> int:
+        """R of a pixel."""
+        return self.frames.values.shape[1] if self.frames.values.ndim == 4 else 1
+
     def corrected(self) -> Array:
-        """(N, H, W) light of all frames."""
-        return self.calibration.corrected(self.frames.values)
+        """(N, H, W) light of all frames, all buckets together."""
+        return self.calibration.light(self.frames.values)
 
     def by_name(self, pattern: re.Pattern[str], example: str) -> tuple[Array, list[tuple[float, ...]]]:
         """Light of the frames, those of one name averaged, and the numbers in their names, ascending."""
         values, keys = averaged(self.frames.values, named(self.frames, pattern, example))
-        return self.calibration.corrected(values), keys
+        return self.calibration.light(values), keys
 
     def patterns(self) -> Array:
         """(P, h, w) that were shown."""
@@ -148,7 +156,10 @@ def flat(seen: Captured) -> dict[str, Fitted]:
     reflectance = 1.0 if given.reflectance is None else given.reflectance
     if not 0 < reflectance <= 1:
         raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
-    field = measure_flat(seen.frames.values, dark, source=seen.path)
+    if seen.buckets == 1:
+        field = measure_flat(seen.frames.values, dark, source=seen.path)
+    else:
+        field = measure_flats(_of_buckets(seen, dark), dark, source=seen.path)
     level = field.level
     if given.white is not None:
         level = _white(given.white, seen.calibration.with_part("flat", field, {}), given.saturation)
@@ -161,14 +172,28 @@ def flat(seen: Captured) -> dict[str, Fitted]:
         "noise_of_light": float(field.std * np.sqrt(field.frames)),
         "white_level_dn": level,
     }
+    if seen.buckets > 1:
+        means = field.gain.mean((1, 2))
+        residuals |= {f"gain_of_bucket_{r + 1}": float(means[r] / means[0]) for r in range(1, seen.buckets)}
     return {"flat": Fitted(field, residuals, {"white_level": level, "reflectance": reflectance}, [given.white])}
+
+
+def _of_buckets(seen: Captured, dark: DarkField) -> list[Array]:
+    """Of every bucket the frames (N, H, W) with all slots in it, and on them what leaks into it from others."""
+    owner = np.array([int(key[0]) for key in named(seen.frames, BUCKET, "flat_bucket_0_3")])
+    if gone := sorted(set(range(seen.buckets)) - set(owner.tolist())):
+        expected = f"frames of even light in each of {seen.buckets} buckets"
+        raise DataError(seen.path, f"no frame of bucket_{gone[0]}", expected, "capture it")
+    values = np.asarray(seen.frames.values, dtype=np.float64)
+    means = np.stack([values[owner == r].mean(0) - dark.mean for r in range(seen.buckets)])
+    return [values[owner == r][:, r] + means[:, r].sum(0) - means[r, r] for r in range(seen.buckets)]
 
 
 def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> float:
     """Level of white in the middle third of the sensor, where a disperser lays all bands on one another."""
     frames = read_captures(path, saturation=saturation, sensor=calibration.about["camera"]["sensor"])
-    rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[1:])
-    values = calibration.corrected(frames.values)[:, rows, columns]
+    rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[-2:])
+    values = calibration.light(frames.values)[:, rows, columns]
     level = float(np.median(values.mean(axis=0)))
     if level < 10 * calibration.part("dark").noise:
         raise DataError(path, f"white of {level:.3g} above the dark", "ten times its noise", "give more light")
@@ -183,7 +208,10 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
         raise DataError(seen.path, found, "as many, two or more, at every exposure", "capture the missing ones")
     chosen = [np.flatnonzero(times == time) for time in distinct]
     values, full = (np.stack([part[i] for i in chosen]) for part in (seen.frames.values, seen.frames.saturated))
-    measured = measure_linearity(distinct * 1e-3, values, seen.part("dark"), full, source=seen.path)
+    dark = seen.part("dark")
+    if seen.buckets > 1:  # the one that has the light
+        values, full, dark = values[:, :, 0], full[:, :, 0], dark.of_bucket(0)
+    measured = measure_linearity(distinct * 1e-3, values, dark, full, source=seen.path)
     residuals = {
         "largest_deviation": measured.largest_deviation,
         "saturation_dn": measured.saturation,
@@ -220,7 +248,15 @@ def registration(seen: Captured) -> dict[str, Fitted]:
 def timing(seen: Captured) -> dict[str, Fitted]:
     registration = seen.part("registration")
     aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
-    measured = measure_timing(_pair_levels(seen), aperture_leakage=aperture, aperture_leakage_std=std, source=seen.path)
+    levels, *others = _pair_levels(seen)
+    measured = measure_timing(
+        levels,
+        aperture_leakage=aperture,
+        aperture_leakage_std=std,
+        others=sum(others) if others else None,
+        transfer=seen.part("buckets").transfer if others else 0.0,
+        source=seen.path,
+    )
     residuals = {
         "residual_of_a_slot": measured.residual,
         "delay_slots": measured.delay,
@@ -234,17 +270,45 @@ def timing(seen: Captured) -> dict[str, Fitted]:
     return {"timing": Fitted(measured, residuals, {"aperture_leakage": aperture})}
 
 
+def buckets(seen: Captured) -> dict[str, Fitted]:
+    if seen.buckets == 1:
+        raise DataError(seen.path, "frames of one bucket", "a page for each of several", "capture all of them")
+    light = seen.calibration.corrected(seen.frames.values).mean((2, 3))
+    turns = [IN_TURN.search(name) for name in seen.frames.names]
+    slots = max((int(turn[1]) for turn in turns if turn), default=1)
+    shown = [f"bucket_{bucket}_" for bucket in range(seen.buckets)] + [f"in_turn_{slots}_"] * (slots > 1)
+    chosen = [[name.startswith(begin) for name in seen.frames.names] for begin in shown]
+    if gone := [begin for begin, which in zip(shown, chosen, strict=True) if not any(which)]:
+        raise DataError(seen.path, f"no frame {gone[0]}0", "all slots in each bucket", "capture it")
+    measured = measure_buckets([light[which].mean(0) for which in chosen], slots, source=seen.path)
+    residuals = {
+        "residual_of_light": measured.residual,
+        "leakage": measured.leakage,
+        "leakage_std": float(measured.std[0]),
+        "transfer_slots": measured.transfer,
+        "transfer_std_slots": float(measured.std[1]),
+    }
+    return {"buckets": Fitted(measured, residuals)}
+
+
 def _pair_levels(seen: Captured) -> Array:
-    """(K, K) mean light with slot i of the aperture and slot j of the shutter open; NaN of pairs without a frame."""
-    light, numbers = seen.by_name(SLOTS, "aperture_0_shutter_1")
+    """(R, K, K) mean light of every bucket with slot i of the aperture and slot j of the shutter open, the others in
+    another bucket; NaN of pairs without a frame."""
+    frames, numbers = averaged(seen.frames.values, named(seen.frames, SLOTS, "aperture_0_shutter_1"))
+    light = seen.calibration.corrected(frames).mean((-2, -1))
     keys = [(int(i), int(j)) for i, j in numbers]
     slots = 1 + max(max(key) for key in keys)
     wanted = [(i, j) for i in range(slots) for j in range(slots) if abs(i - j) <= 1]
     if gone := [pair for pair in wanted if pair not in keys]:
         expected = "every slot of the aperture with that of the shutter and with both beside it"
         raise DataError(seen.path, "no aperture_{}_shutter_{}".format(*gone[0]), expected, "capture it")
-    levels = np.full((slots, slots), np.nan)
-    levels[tuple(np.array(keys).T)] = light.mean(axis=(1, 2))
+    if seen.buckets > 1:
+        if (mixing := seen.part("buckets")) is None:
+            remedy = "run tmca calibrate buckets first, and name its file with --onto"
+            raise DataError(seen.calibration.where, "no buckets", "one, on which timing builds", remedy)
+        light = mixing.unmixed(light)
+    levels = np.full((seen.buckets, slots, slots), np.nan)
+    levels[:, *np.array(keys).T] = light.T
     return levels
 
 

@@ -13,6 +13,7 @@ from pydantic import Json
 from tmca.attributes import Attributes, FiniteJson
 from tmca.data import plain
 from tmca.errors import DataError
+from tmca.lab.calibration.buckets import BucketMixing
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit
@@ -32,6 +33,7 @@ KINDS: dict[str, Any] = {
     "dispersion": MeasuredDispersion,
     "shear": MeasuredShear,
     "timing": Timing,
+    "buckets": BucketMixing,
     "psf": PsfStack,
     "wavefront": ZernikeFit,
 }
@@ -51,6 +53,7 @@ DIMS: dict[str, dict[str, str]] = {
         "places": "view axis", "shifts": "view axis", "light": "view", "step": "axis", "std": "axis", "cross": "axis",
     },
     "timing": {"std": "delay_ratio"},
+    "buckets": {"levels": "shown bucket", "predicted": "shown bucket", "std": "leakage_transfer"},
     "psf": {
         "values": "depth wavelength y x", "depths": "depth", "wavelengths": "wavelength", "centres": "depth axis",
         "noise": "depth wavelength",
@@ -70,7 +73,7 @@ UNITS = {
 _MAY_LACK = ("saturation", "deviations", "residual", "std", "leakage_std")
 """Fields that are NaN where they were not measured, or where as few values were fitted as there are unknowns."""
 _OF_STEP = ("residuals", "sources", "settings")
-_SIZES = {"axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}
+_SIZES = {"leakage_transfer": 2, "axis": 2, "row_column_shift": 3, "n_m": 2, "delay_ratio": 2}
 """Of axes that are of one size."""
 _REMEDY = "take an unchanged copy, or measure it again"
 
@@ -112,9 +115,8 @@ def group_of(name: str, part: Any, step: Mapping[str, Any]) -> xr.Dataset:
     values = {field.name: getattr(part, field.name) for field in fields(part)}
     attrs = {key: json.dumps(plain(step[key])) for key in _OF_STEP} | {"measured": step["measured"]}
     attrs |= {key: value for key, value in values.items() if isinstance(value, str)}
-    dims = DIMS[kind_of(name)]
     variables = {
-        key: (dims.get(key, "").split(), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
+        key: (_dims_of(name, key, np.asarray(value)), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
         for key, value in values.items()
         if value is not None and not isinstance(value, str)
     }
@@ -134,14 +136,21 @@ def part_of(name: str, data: xr.Dataset, where: object, before: str = "") -> Any
     for field in fields(kind):
         key = before + field.name
         if key in data.variables:
-            dims = DIMS[kind_of(name)].get(field.name, "").split()
-            array = _checked(np.asarray(data[key].values), field.name, dims, sizes, f"{where}: {name}")
+            values_there = np.asarray(data[key].values)
+            dims = _dims_of(name, field.name, values_there)
+            array = _checked(values_there, field.name, dims, sizes, f"{where}: {name}")
             values[field.name] = _typed(array, str(field.type))
         elif key in data.attrs:
             values[field.name] = str(data.attrs[key])
         elif field.default is MISSING:
             raise DataError(where, f"no {key}", f"all of {name}", "measure it again")
     return kind(**values)
+
+
+def _dims_of(name: str, field: str, array: np.ndarray) -> list[str]:
+    """Axes of a field; maps of a sensor with several buckets have one more."""
+    dims = DIMS[kind_of(name)].get(field, "").split()
+    return ["bucket", *dims] if name in ("dark", "flat") and dims and array.ndim == 3 else dims
 
 
 def _checked(array: np.ndarray, name: str, dims: list[str], sizes: dict[str, int], where: str) -> np.ndarray:

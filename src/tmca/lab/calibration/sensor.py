@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +24,7 @@ _ORDER = 4
 
 @dataclass(frozen=True)
 class DarkField:
-    """Digital numbers.
+    """Digital numbers; of several buckets (R, H, W) in the place of (H, W).
 
     Args:
         mean: (H, W) offset.
@@ -41,10 +43,14 @@ class DarkField:
         """Root mean square of the read noise of good pixels."""
         return float(np.sqrt((self.read_noise[self.defects == 0] ** 2).mean()))
 
+    def of_bucket(self, number: int) -> DarkField:
+        """Of one of several buckets."""
+        return DarkField(self.mean[number], self.read_noise[number], self.defects[number], self.frames)
+
 
 @dataclass(frozen=True)
 class FlatField:
-    """Response to even light.
+    """Response to even light; of several buckets (R, H, W) in the place of (H, W).
 
     Args:
         gain: (H, W) light of every pixel over the mean: response and evenness of the light together.
@@ -68,13 +74,17 @@ def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
     """Mean and standard deviation of every pixel of frames without light.
 
     Args:
-        frames: (N, H, W), N ≥ 2, digital numbers.
+        frames: (N, H, W), or (N, R, H, W) of several buckets, N ≥ 2, digital numbers.
         source: named in errors.
 
     Raises:
         DataError: fewer than two frames, or more than a tenth of the pixels hot: light came in.
     """
     values = np.asarray(frames, dtype=np.float64)
+    if values.ndim == 4:
+        each = [measure_dark(one, source=source) for one in values.swapaxes(0, 1)]
+        mean, noise, hot = (_stacked(each, name) for name in ("mean", "read_noise", "defects"))
+        return DarkField(mean, noise, hot, len(values))
     if values.ndim != 3 or len(values) < 2:
         found = f"{len(values) if values.ndim == 3 else 1} dark frame"
         raise DataError(source, found, "two or more, for the read noise", "capture more")
@@ -83,6 +93,11 @@ def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
     if hot.mean() > 0.1:
         raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
     return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values))
+
+
+def _stacked(fields: Sequence[Any], name: str) -> Any:
+    """(R, H, W) one map of every bucket."""
+    return np.stack([getattr(field, name) for field in fields])
 
 
 def _far(values: Array, frames: int) -> NDArray[np.bool_]:
@@ -120,6 +135,24 @@ def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat")
     return FlatField(
         gain, level, float(np.sqrt(max(varies, 0.0))), std, np.where(dead, DEAD, 0).astype(np.uint8), len(values)
     )
+
+
+def measure_flats(frames: Sequence[Array], dark: DarkField, *, source: object = "flat") -> FlatField:
+    """The response of several buckets, all over one mean.
+
+    Args:
+        frames: of every bucket (N, H, W), N ≥ 2, that have all of the light.
+        dark: of the same sensor.
+        source: named in errors.
+
+    Raises:
+        DataError: see ``measure_flat``.
+    """
+    each = [measure_flat(one, dark.of_bucket(r), source=source) for r, one in enumerate(frames)]
+    levels = np.array([field.level for field in each])
+    gain = _stacked(each, "gain") * levels[:, None, None] / levels.mean()
+    varies, std = (float(np.sqrt((_stacked(each, name) ** 2).mean())) for name in ("nonuniformity", "std"))
+    return FlatField(gain, float(levels.mean()), varies, std, _stacked(each, "defects"), min(map(len, frames)))
 
 
 def _smooth(values: Array, good: NDArray[np.bool_]) -> Array:
@@ -244,8 +277,8 @@ def _transfer(levels: Array, variances: Array, frames: int, source: object) -> t
 
 
 def corrected(values: ArrayLike, dark: DarkField | None, flat: FlatField | None) -> Array:
-    """Frames (…, H, W) without dark, over the flat field, defects replaced by the median of their neighbours; steps
-    that were not measured are left out."""
+    """Frames (…, H, W), or (…, R, H, W) of several buckets, without dark, over the flat field, defects replaced by the
+    median of their neighbours; steps that were not measured are left out."""
     light = np.asarray(values, dtype=np.float64)
     if dark is not None:
         light = light - dark.mean
@@ -262,6 +295,8 @@ def defects(dark: DarkField | None, flat: FlatField | None) -> NDArray[np.bool_]
 
 
 def _mended(values: Array, bad: np.ndarray) -> Array:
+    if bad.ndim == 3:
+        return np.stack([_mended(values[..., r, :, :], bad[r]) for r in range(len(bad))], axis=-3)
     mended = values.copy()
     border = [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)]
     padded = np.pad(np.where(bad, np.nan, values), border, constant_values=np.nan)

@@ -11,10 +11,11 @@ from tmca.data import metres_to_nm
 from tmca.errors import SettingError, check_range
 from tmca.lab.acquisition.captures import CaptureFrame
 from tmca.lab.cameras import lab_camera
-from tmca.lab.display.manifest import exposed_whole, frame_time
+from tmca.lab.display.manifest import buckets_of, exposed_whole, frame_time
 from tmca.lab.light import Light
 
 PATTERNS, OPEN, CODES = "patterns", "open", "codes"
+BUCKET, IN_TURN = "bucket_", "in_turn"
 REFLECTANCE = 0.5
 _EXPOSURES = (0.1, 0.25, 0.4, 0.6, 0.8, 1.0, 1.2, 1.5, 1.8, 2.2)
 _APART = 2
@@ -64,8 +65,9 @@ class Shot:
     Args:
         name: of its file.
         light: before the camera.
-        shown: name of the codes on the devices: ``patterns``, ``open``, ``aperture_I_shutter_J``, or ``codes``, those
-            of the export.
+        shown: name of the codes on the devices: ``patterns``, ``open`` (all slots in the first bucket), ``bucket_R``
+            (in another), ``in_turn`` (in one after the other), ``aperture_I_shutter_J``, or ``codes``, those of the
+            export.
         slot: of them; None for all shut, or for a whole exposure.
         whole: whether it is a whole exposure, in which the sensor codes its shutter.
     """
@@ -89,7 +91,10 @@ def dark(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterabl
 
 def flat(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterable[Shot]:
     light, how = Light("even", reflectance=REFLECTANCE), _as_a_frame(manifest)
-    return [Shot(f"flat_{n}", light, OPEN, *how) for n in range(asked.frames)]
+    if (count := buckets_of(manifest)) == 1:
+        return [Shot(f"flat_{n}", light, OPEN, *how) for n in range(asked.frames)]
+    shown = [f"{BUCKET}{bucket}" for bucket in range(count)]
+    return [Shot(f"flat_{name}_{n}", light, name, *how) for name in shown for n in range(asked.frames)]
 
 
 def white(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterable[Shot]:
@@ -112,6 +117,13 @@ def timing(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Itera
     slots = range(manifest["slots"])
     pairs = [(i, j) for i in slots for j in slots if min((i - j) % len(slots), (j - i) % len(slots)) <= _APART]
     return [Shot(name, Light("white"), name, None, True) for name in (pair_name(*pair) for pair in pairs)]
+
+
+def buckets(camera: Camera, manifest: Manifest, asked: Asked, slot: int) -> Iterable[Shot]:
+    light, slots = Light("even", reflectance=REFLECTANCE), int(manifest["slots"])
+    names = {f"{BUCKET}{bucket}": f"{BUCKET}{bucket}" for bucket in range(buckets_of(manifest))}
+    names |= {IN_TURN: f"{IN_TURN}_{slots}"} if slots > 1 else {}
+    return [Shot(f"{name}_{n}", light, shown, None, True) for shown, name in names.items() for n in range(2)]
 
 
 def pair_name(aperture: int, shutter: int) -> str:

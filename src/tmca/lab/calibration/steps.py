@@ -12,6 +12,7 @@ import numpy as np
 from tmca.cameras import Camera
 from tmca.errors import DataError
 from tmca.lab.calibration import fits, shots
+from tmca.lab.calibration.buckets import BucketMixing
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
@@ -58,11 +59,16 @@ class Step:
 
 
 def _draw_dark(axes: Any, part: DarkField) -> None:
-    plots.draw_dark(axes, part.mean, part.read_noise, part.defects > 0)
+    plots.draw_dark(axes, *(_beside(one) for one in (part.mean, part.read_noise, part.defects > 0)))
 
 
 def _draw_flat(axes: Any, part: FlatField) -> None:
-    plots.draw_flat(axes, part.gain, part.defects > 0, part.nonuniformity)
+    plots.draw_flat(axes, _beside(part.gain), _beside(part.defects > 0), part.nonuniformity)
+
+
+def _beside(values: np.ndarray) -> np.ndarray:
+    """(H, R·W) maps of buckets beside each other; (H, W) of one."""
+    return np.hstack(list(values)) if values.ndim == 3 else values
 
 
 def _draw_linearity(axes: Any, part: Linearity) -> None:
@@ -99,6 +105,12 @@ def _draw_timing(axes: Any, part: Timing) -> None:
     plots.draw_timing(axes, part.overlap(), part.delay, part.ratio, title)
 
 
+def _draw_buckets(axes: Any, part: BucketMixing) -> None:
+    leaked, lost = (part.leakage, float(part.std[0])), (part.transfer, float(part.std[1]))
+    measured = {"in other buckets": leaked, "lost at a change (of a slot)": lost}
+    plots.draw_buckets(axes, part.levels, part.predicted, measured)
+
+
 def _draw_wavefront(axes: Any, part: ZernikeFit, stack: PsfStack) -> None:
     plots.draw_psf(axes[0], stack.values, stack.wavelengths, stack.depths)
     plots.draw_wavefront(axes[1], part.modes, part.coefficients, part.std, part.residual)
@@ -110,6 +122,7 @@ STEPS: dict[str, Step] = {step.name: step for step in (
     Step("white", shots.white),
     Step("linearity", shots.linearity, fits.linearity, _draw_linearity, ("dark",), "largest_deviation", 0.02),
     Step("registration", shots.registration, fits.registration, _draw_registration, (), "residual_of_contrast", 0.2),
+    Step("buckets", shots.buckets, fits.buckets, _draw_buckets, ("dark", "flat"), "residual_of_light", 0.01),
     Step("timing", shots.timing, fits.timing, _draw_timing, ("dark",), "residual_of_a_slot", 0.05),
     Step("dispersion", shots.dispersion, fits.dispersion, _draw_dispersion, ("registration", "dark"),
          "x_residual_pixels", 0.2),
@@ -126,10 +139,10 @@ def step_of(name: str) -> Step:
 def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
     """Steps of a camera behind the devices of an export, in their order.
 
-    One slot has no timing: no other one says when it begins and ends.
+    One slot has no timing: no other one says when it begins and ends; one bucket shares its light with no other.
     """
-    timed = exposed_whole(manifest) and camera.slots > 1
-    names = [name for name in STEPS if name in lab_camera(camera).steps and (name != "timing" or timed)]
+    possible = {"timing": exposed_whole(manifest) and camera.slots > 1, "buckets": camera.buckets > 1}
+    names = [name for name in STEPS if name in lab_camera(camera).steps and possible.get(name, True)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
     return tuple(part for name in names for part in (slots if name == "psf" else [name]))
 
@@ -162,7 +175,7 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
             left = step.residual.replace("_", " ")
             residuals["quality"] = quality_of(path, left, residuals[step.residual], step.usual)
         sources = [path, *(source for source in fitted.sources if source is not None)]
-        size = (int(frames.values.shape[1]), int(frames.values.shape[2]))
+        size = tuple(int(n) for n in frames.values.shape[1:])
         calibration = calibration.with_part(
             part, fitted.part, residuals, sources, sensor=size, codes=fitted.codes, settings=fitted.settings
         )

@@ -58,19 +58,29 @@ class Timing:
         return slot_overlap(self.slots, self.delay, self.ratio, self.repeats)
 
 
-def slot_overlap(slots: int, delay: float, ratio: float = 1.0, repeats: bool = False) -> Array:
+def slot_overlap(slots: int, delay: float, ratio: float = 1.0, repeats: bool = False, transfer: float = 0.0) -> Array:
     """(K, K) time in which slot i of the aperture and slot j of the shutter are both on, in slots of the aperture.
 
-    Where the exposure ``repeats``, the apertures of those before and after it count as well.
+    Where the exposure ``repeats``, the apertures of those before and after it count as well. Of a slot of the shutter
+    the share ``transfer`` at its beginning is lost.
     """
-    shutter = delay + ratio * np.arange(slots, dtype=np.float64)
-    turns = range(int(shutter.min() // slots), int((shutter.max() + ratio) // slots) + 1) if repeats else (0,)
+    begins = delay + ratio * np.arange(slots, dtype=np.float64)
+    turns = range(int(begins.min() // slots), int((begins.max() + ratio) // slots) + 1) if repeats else (0,)
+    shutter, ratio = begins + transfer * ratio, (1 - transfer) * ratio
     overlap = np.zeros((slots, slots))
     for turn in turns:
         aperture = turn * slots + np.arange(slots, dtype=np.float64)[:, None]
         end = np.minimum(aperture + 1, shutter + ratio)
         overlap += np.clip(end - np.maximum(aperture, shutter), 0.0, None)
     return overlap
+
+
+def other_overlap(slots: int, delay: float, ratio: float, repeats: bool, transfer: float) -> Array:
+    """(K, K) time in which slot i of the aperture and all slots of the shutter but j are on, in another bucket: the
+    beginning of the slot after j is lost."""
+    whole = slot_overlap(slots, delay, ratio, repeats)
+    lost = whole - slot_overlap(slots, delay, ratio, repeats, transfer)
+    return np.asarray(whole.sum(axis=1, keepdims=True) - whole - np.roll(lost, -1, axis=1))
 
 
 def pair_light(overlap: ArrayLike, aperture: float = 0.0, shutter: float = 0.0) -> Array:
@@ -94,6 +104,8 @@ def measure_timing(
     *,
     aperture_leakage: float = 0.0,
     aperture_leakage_std: float = 0.0,
+    others: ArrayLike | None = None,
+    transfer: float = 0.0,
     source: object = "timing",
 ) -> Timing:
     """Fit delay, ratio, light and leakage to mean levels, of an exposure that repeats or of one alone, whichever leaves
@@ -111,6 +123,9 @@ def measure_timing(
             NaN where it was not captured.
         aperture_leakage: share of the light that a closed aperture passes, as a registration measures it.
         aperture_leakage_std: its standard deviation: what it is too large by, the shutter's is too small by.
+        others: (K, K) light of the other slots, in another bucket of the same pixels.
+        transfer: share of a slot whose light a pixel loses that changes its bucket: with it the first bucket alone does
+            not tell a delay.
         source: named in errors.
 
     Raises:
@@ -120,7 +135,9 @@ def measure_timing(
     """
     seen = _seen(levels, source)
     slots, top = len(seen), float(np.nanmax(seen))
-    alone, again = (_best_fit(_misfit(seen / top, aperture_leakage, repeats), seen / top) for repeats in (False, True))
+    second = None if others is None else np.asarray(others, dtype=np.float64) / top
+    fits = (_misfit(seen / top, second, aperture_leakage, repeats, transfer) for repeats in (False, True))
+    alone, again = (_best_fit(misfit, seen / top) for misfit in fits)
     repeats = bool(again.cost < _CLEARLY * alone.cost)
     fit = again if repeats else alone
     delay, ratio, light, leakage = (float(value) for value in fit.x)
@@ -155,14 +172,19 @@ def _seen(levels: ArrayLike, source: object) -> Array:
     return seen
 
 
-def _misfit(shares: Array, aperture: float, repeats: bool) -> Callable[[Array], Array]:
+def _misfit(
+    shares: Array, others: Array | None, aperture: float, repeats: bool, transfer: float
+) -> Callable[[Array], Array]:
     """What delay, ratio, light and leakage leave of the known levels, and the pull on leakage and ratio."""
     finite = np.isfinite(shares)
 
     def residuals(values: Array) -> Array:
         delay, ratio, light, leakage = values
-        there = light * pair_light(slot_overlap(len(shares), delay, ratio, repeats), aperture, leakage)
-        return np.concatenate([(there - shares)[finite], [_PULL * leakage, _PULL * (ratio - 1)]])
+        when = (len(shares), delay, ratio, repeats, transfer)
+        left = [light * pair_light(slot_overlap(*when), aperture, leakage) - shares]
+        if others is not None:
+            left.append(light * pair_light(other_overlap(*when), aperture) - others)
+        return np.concatenate([*(one[finite] for one in left), [_PULL * leakage, _PULL * (ratio - 1)]])
 
     return residuals
 

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.codes import Codes, leaked
+from tmca.codes.buckets import bucket_shutters, changing, mixed_buckets
 from tmca.errors import DataError, DeviceError
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.cameras.base import LabCamera, check_light
@@ -18,7 +19,7 @@ from tmca.lab.display.codes import Planes
 from tmca.lab.frames import Array
 from tmca.lab.light import Light
 
-MASK_STEPS = frozenset({"dark", "flat", "white", "linearity", "registration", "timing"})
+MASK_STEPS = frozenset({"dark", "flat", "white", "linearity", "registration", "buckets", "timing"})
 """Steps of a camera behind a mask, whatever its optics."""
 
 
@@ -60,7 +61,8 @@ class CodedLab(LabCamera):
 
     def on_camera(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
         """See ``LabCamera``."""
-        return values * (measured.codes()[1].amax(0) > 0)
+        collects = measured.codes()[1].unflatten(0, (measured.buckets, -1)).amax(1) > 0
+        return values * collects.repeat_interleave(values.shape[-3] // len(collects), 0)
 
 
 class _OpenedCodes(nn.Module):
@@ -98,19 +100,33 @@ def mixed_aperture(codes: Tensor, calibration: Calibration) -> tuple[Array, floa
     return np.tensordot(overlap.T / longest, planes, 1), longest
 
 
-def leaking_shutter(shutter: Tensor, calibration: Calibration) -> Array:
-    """(K, H, W) the shutter with its leakage, closed over defective pixels.
+def leaking_shutter(camera: Any, calibration: Calibration) -> Array:
+    """(K, H, W) the shutter with its leakage, of several buckets (R·K, H, W) with what is lost between them; closed
+    over defective pixels.
 
     What the aperture was known to leak when the timing was measured and what a registration measured since add up to
     the same light in closed slots.
     """
-    timing, registration, bad = calibration.part("timing"), calibration.part("registration"), calibration.defects()
+    shutter, bad = camera.codes()[1].detach().double(), calibration.defects()
+    if camera.buckets > 1:
+        planes = _sorted(bucket_shutters(shutter, camera.slots, camera.buckets), calibration).numpy()
+        planes = planes if bad is None else np.where(bad[:, None], 0.0, planes)
+        return planes.reshape(-1, *planes.shape[2:])
+    timing, registration = calibration.part("timing"), calibration.part("registration")
     share = 0.0 if timing is None else timing.leakage
     known = calibration.settings("timing").get("aperture_leakage")
     if known is not None and registration is not None and registration.leakage is not None:
         share = max(0.0, share + (known - registration.closed_light))
-    planes = leaked(shutter.detach().double(), share).numpy()
+    planes = leaked(shutter, share).numpy()
     return planes if bad is None else np.where(bad, 0.0, planes)
+
+
+def _sorted(shutters: Tensor, calibration: Calibration) -> Tensor:
+    """(R, K, H, W) what every bucket collects, as it was measured."""
+    mixing = calibration.part("buckets")
+    if mixing is None:
+        return shutters
+    return mixed_buckets(shutters - mixing.transfer * changing(shutters), mixing.leakage)
 
 
 def grey_codes(aperture: Any, shutter: Any) -> Codes:

@@ -47,8 +47,7 @@ class LightFieldLab(CodedLab):
 
     def calibrated(self, camera: LightFieldCamera, calibration: Calibration, sensor: Sensor) -> LightFieldCamera:
         """See ``LabCamera``."""
-        aperture, shutter = camera.codes()
-        planes, light = mixed_aperture(aperture, calibration)
+        planes, light = mixed_aperture(camera.codes()[0], calibration)
         registration, shear = calibration.part("registration"), calibration.part("shear")
         vignetting = camera.vignetting.detach().double().numpy() * light
         step, scale = camera.shear.step, camera.shear.scale
@@ -65,7 +64,7 @@ class LightFieldLab(CodedLab):
             border, scale = reach.border(camera.size), 1.0
             planes = seen_patterns(planes, moved(matrix, border), reach.mask_size(camera.size), blur)
         return camera.replace(
-            codes=grey_codes(planes, leaking_shutter(shutter, calibration)), shear=step, mask_scale=scale,
+            codes=grey_codes(planes, leaking_shutter(camera, calibration)), shear=step, mask_scale=scale,
             vignetting=torch.as_tensor(vignetting).float(), sensor=sensor,
         )  # fmt: skip
 

@@ -45,8 +45,7 @@ class SpectralLab(CodedLab):
         """See ``LabCamera``."""
         if camera.disperser == "dual" or camera.coloured is not None:
             raise SettingError("camera", "a dual disperser or coloured aperture", "a single disperser to calibrate")
-        aperture, shutter = camera.codes()
-        planes, light = mixed_aperture(aperture, calibration)
+        planes, light = mixed_aperture(camera.codes()[0], calibration)
         registration, start = calibration.part("registration"), _reference_shift(camera, calibration)
         if registration is not None:
             # scene column n falls on sensor column n + start - origin at the registration's wavelength
@@ -61,7 +60,7 @@ class SpectralLab(CodedLab):
             relative = measured.response_at(camera.wavelengths)
             response = relative * response.sum() / relative.sum()
         first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent
-        wide = _columns(torch.from_numpy(leaking_shutter(shutter, calibration)), first, width)
+        wide = _columns(torch.from_numpy(leaking_shutter(camera, calibration)), first, width)
         kappa = torch.from_numpy(response).clamp(min=0).to(torch.get_default_dtype())
         return camera.replace(
             codes=grey_codes(planes, wide), dispersion=dispersion, response=kappa, sensor=sensor, beside=(0, 0)

@@ -26,7 +26,7 @@ class SpectralDepthLab(LabCamera):
 
     kind = "spectral-depth"
     steps = frozenset({"dark", "psf"})
-    unmeasured = frozenset({"shear", "dispersion", "registration", "timing"})
+    unmeasured = frozenset({"shear", "dispersion", "registration", "buckets", "timing"})
     masked = False
 
     def lit(self, camera: SpectralDepthCamera, light: Light) -> tuple[Tensor, ...]:

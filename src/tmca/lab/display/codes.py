@@ -17,6 +17,7 @@ from torch import Tensor
 from tmca.cameras import Snapshot
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
+from tmca.codes.buckets import bucket_shutters, check_patterns
 from tmca.decoders import Weights
 from tmca.decoders.nets.weights import shipped_file
 from tmca.errors import DataError, SettingError, ShapeError
@@ -41,11 +42,11 @@ class Planes:
         source: file or folder they came from.
         application: name of the camera; empty where the codes do not say.
         planes: ``aperture`` (K, h, w) and ``shutter`` (K, h, w'), or ``heights`` (K, h, w) in metres and ``shutter``:
-            full frames, or one tile.
+            full frames, or one tile. A shutter of several buckets is (R, K, h, w') unless two share all light.
         tiled: names of planes that are one tile.
         modes: of Zernike masks ``coefficients`` (K, M) in metres rms and ``noll`` (M,).
         settings: of the camera, as far as they are known.
-        buckets: of a sensor pixel; of the shutter's patterns those of the first are kept, for a device shows no others.
+        buckets: R of a pixel of the sensor.
     """
 
     source: str
@@ -56,19 +57,13 @@ class Planes:
     settings: Mapping[str, Any] | None = None
     buckets: int = 1
 
-    def __post_init__(self) -> None:
-        if self.buckets > 1:
-            shutter = self.planes["shutter"]
-            first = shutter[0] if shutter.ndim == 4 else shutter[: self.slots]
-            object.__setattr__(self, "planes", {**self.planes, "shutter": first})
-
     @property
     def slots(self) -> int:
         """K."""
-        return len(next(iter(self.planes.values())))
+        return int(next(iter(self.planes.values())).shape[-3])
 
     def full(self, name: str, size: Size | None = None) -> Tensor:
-        """(K, H, W) a plane over a whole device.
+        """(K, H, W) a plane over a whole device, (R, K, H, W) of the buckets that do not share all light.
 
         Args:
             name: of the plane.
@@ -81,15 +76,36 @@ class Planes:
         if name not in self.planes:
             raise SettingError(self.source, f"codes of {', '.join(self.planes)}", f"{name}, which this device shows")
         plane = self.planes[name]
-        pixels = (int(plane.shape[1]), int(plane.shape[2]))
+        pixels = (int(plane.shape[-2]), int(plane.shape[-1]))
         if size is None or size == pixels:
             return plane
         if name in self.tiled:
-            return CodePlane(plane, len(plane), size, period=pixels, name=name)()
+            patterns = plane.flatten(0, -3)
+            return CodePlane(patterns, len(patterns), size, period=pixels, name=name)().reshape(
+                *plane.shape[:-2], *size
+            )
         if pixels[0] < size[0] or pixels[1] < size[1]:
             raise ShapeError(self.source, f"{name} of {pixels[0]}×{pixels[1]} pixels", f"{size[0]}×{size[1]} or more")
         top, left = (pixels[0] - size[0]) // 2, (pixels[1] - size[1]) // 2
-        return plane[:, top : top + size[0], left : left + size[1]]
+        return plane[..., top : top + size[0], left : left + size[1]]
+
+
+def by_slot(shutter: Tensor, slots: int, buckets: int) -> Tensor:
+    """(K, h, w) of one bucket, or of the first of two that share all light; else (R, K, h, w) of every bucket.
+
+    Args:
+        shutter: as a camera's codes give it, (K, h, w) or (R·K, h, w).
+        slots: K.
+        buckets: R.
+
+    Raises:
+        SettingError: patterns that are not those of R buckets.
+    """
+    check_patterns(len(shutter), buckets, slots)
+    if buckets == 1:
+        return shutter
+    shutters = bucket_shutters(shutter, slots, buckets)
+    return shutters[0] if buckets == 2 and bool((shutters.sum(0) == 1).all()) else shutters
 
 
 def read_planes(source: str | Path) -> Planes:
@@ -115,6 +131,7 @@ def _of_weights(path: Path) -> Planes:
     if "heights" in planes:
         return planes_of(camera, str(path))
     about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
+    planes = {**planes, "shutter": by_slot(planes["shutter"], camera.slots, camera.buckets)}
     tiled = tuple(planes) if weights.period else ()
     return Planes(str(path), weights.kind, planes, tiled, None, about, camera.buckets)
 
@@ -133,9 +150,9 @@ def _of_file(path: Path) -> Planes:
         return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
     if "aperture" in stored:
         codes = read_codes(path)
-        planes = {"aperture": codes.aperture, "shutter": codes.shutter}
-        camera, tiled = str(stored.attrs.get("camera", "")), tuple(planes) if codes.period else ()
-        return Planes(str(path), camera, planes, tiled, buckets=codes.buckets)
+        shutter = by_slot(codes.shutter.flatten(0, -3), len(codes.aperture), codes.buckets)
+        planes, kind = {"aperture": codes.aperture, "shutter": shutter}, str(stored.attrs.get("camera", ""))
+        return Planes(str(path), kind, planes, tuple(planes) if codes.period else (), buckets=codes.buckets)
     raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
 
 
@@ -155,13 +172,13 @@ def planes_of(camera: Any, source: str) -> Planes:
     if getattr(camera, "coloured", None) is not None:
         raise SettingError(source, "a coloured aperture", "binary codes", "no device shows its filters")
     planes = dict(zip(camera.plane_names, camera.codes(), strict=True))
+    planes["shutter"] = by_slot(planes["shutter"], camera.slots, camera.buckets)
     frame = {SENSOR: camera.snapshot_shape[1:]}
     if "heights" not in planes:
         settings = {"size": camera.size, "exposure": camera.exposure, **frame}
         return Planes(source, camera.kind, planes, (), None, settings, camera.buckets)
-    modes = family_parameters(camera.point_spread.heights)
-    settings = {"material": camera.bench.material, **frame}
-    return Planes(source, camera.kind, planes, (), modes, settings, camera.buckets)
+    modes, about = family_parameters(camera.point_spread.heights), {"material": camera.bench.material, **frame}
+    return Planes(source, camera.kind, planes, (), modes, about, camera.buckets)
 
 
 COLUMNS = ("slot", "noll", "n", "m", "rms_um", "peak_um")

@@ -47,6 +47,9 @@ class DeviceDescription(BaseModel):
         memory_patterns: most patterns it holds.
         pupil_mm: diameter of a mirror's pupil.
         noll: Noll indices of the terms that a mirror shows.
+        buckets: of a sensor's pixel; with one, light of closed slots is drained.
+        drain: whether pixels with several buckets have a drain too.
+        tile: (rows, columns) of the codes that a sensor holds, which repeat over it; any codes without.
         stroke_um: largest surface of one term over the pupil, micrometres either way.
         total_stroke_um: largest difference between two places of its surface, all terms together, micrometres.
     """
@@ -66,6 +69,9 @@ class DeviceDescription(BaseModel):
     lut: str | None = None
     pattern_rate_hz: Positive | None = None
     memory_patterns: int | None = Field(default=None, ge=1)
+    buckets: int = Field(default=1, ge=1, le=256)
+    drain: bool = False
+    tile: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] | None = None
     pupil_mm: Positive | None = None
     noll: tuple[Annotated[int, Field(ge=1)], ...] = ()
     stroke_um: Positive | None = None
@@ -79,12 +85,22 @@ class DeviceDescription(BaseModel):
             raise ValueError("noll, stroke_um: a deformable mirror has both")
         if self.kind == "lcos" and self.bits != 8:
             raise ValueError("bits: 8, frames of an LCoS are grey pictures")
+        if self.buckets > 1 and self.kind != "coded-exposure":
+            raise ValueError(f"buckets: 1, a {self.kind} has no more")
+        if len(self.places) > 2**self.bits:
+            raise ValueError(f"bits: enough for the {len(self.places)} places where a slot's light goes")
         return self
 
     @property
     def top(self) -> int:
         """Largest number in its frames."""
         return int(2**self.bits - 1)
+
+    @property
+    def places(self) -> tuple[int | None, ...]:
+        """Bucket, None for the drain, that every number in a sensor's frames sends the light of a slot to."""
+        drained = (None,) if self.drain or self.buckets == 1 else ()
+        return (*drained, *reversed(range(self.buckets)))
 
     @property
     def plane(self) -> str:

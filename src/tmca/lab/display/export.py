@@ -29,6 +29,7 @@ from tmca.lab.display.manifest import (
     write_frame,
 )
 from tmca.lab.display.placement import Affine, Placement
+from tmca.lab.display.sorting import check_buckets, numbers_of
 from tmca.lab.notes import CODES_DATE, date_of_codes, now
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def export_codes(
 
     def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
         plane = codes.full(device.plane, sizes.get(device.plane) or _shown_size(codes, device)).numpy()
-        return plane, _placed(device, plane.shape[1:], *places.get(device.plane, ((0, 0), None)))
+        return plane, _placed(device, plane.shape[-2:], *places.get(device.plane, ((0, 0), None)))
 
     return _written(codes, devices, shown, Path(out), exposure, overwrite)
 
@@ -190,14 +191,23 @@ def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, times: SlotT
     if device.kind == "deformable-mirror":
         return about | _mirror(codes, device, times, place, folder)
     plane, placement = shown(device)
+    check_buckets(codes, device)
     frames = placement.shown(_levels(plane, device, codes.source))
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {
         "placement": vars(placement),
-        "units": "grey level" if device.kind == "lcos" else f"{device.top} = open",
+        "units": _units(device),
         "frames": shown_files(files, folder, times, _TRIGGERS[device.kind]),
         "codes_sha256": digest(plane),
     }
+
+
+def _units(device: DeviceDescription) -> str:
+    """What the numbers in a device's frames mean."""
+    if device.buckets == 1:
+        return "grey level" if device.kind == "lcos" else f"{device.top} = open"
+    names = ["drain" if bucket is None else f"bucket {bucket + 1}" for bucket in device.places]
+    return ", ".join(f"{number} = {name}" for number, name in enumerate(names))
 
 
 def _response(device: DeviceDescription, place: Path) -> dict[str, Any]:
@@ -229,7 +239,20 @@ def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) 
         return grey_of(plane, device)
     if ((plane != 0) & (plane != 1)).any():
         raise SettingError(source, f"grey values in the {device.plane}", "zeros and ones on a binary device")
-    return (plane * device.top).astype(np.uint16)
+    frames = plane * device.top if device.buckets == 1 else numbers_of(plane, device)
+    _check_tile(frames, device, source)
+    return frames.astype(np.uint16)
+
+
+def _check_tile(frames: NDArray[np.generic], device: DeviceDescription, source: str) -> None:
+    """Raises SettingError for codes that do not repeat as a device that holds one tile of them does."""
+    if device.tile is None:
+        return
+    (rows, columns), size = device.tile, frames.shape[1:]
+    repeated = frames[:, np.arange(size[0]) % rows][:, :, np.arange(size[1]) % columns]
+    if not np.array_equal(frames, repeated):
+        found, held = f"a {device.plane} that does not repeat", f"tiles of {rows}×{columns} pixels on {device.name}"
+        raise SettingError(source, found, held, f"take codes with a period (--period {rows}x{columns})")
 
 
 def _mirror(codes: Planes, device: DeviceDescription, times: SlotTimes, place: Path, folder: Path) -> dict[str, Any]:

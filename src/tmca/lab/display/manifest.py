@@ -19,6 +19,7 @@ from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.display.codes import Planes, read_table
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
+from tmca.lab.display.sorting import shutter_of
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
@@ -103,6 +104,7 @@ class _Shown(Attributes):
     kind: str
     name: str
     lut: Inside | None = None
+    buckets: int = Field(default=1, ge=1, le=256)
 
 
 class _Placed(Attributes):
@@ -142,6 +144,11 @@ class _Manifest(Attributes):
 def exposed_whole(manifest: dict[str, Any]) -> bool:
     """Whether the sensor codes its shutter itself, in one exposure of all slots."""
     return any(plane["device"]["kind"] == "coded-exposure" for plane in manifest["planes"])
+
+
+def buckets_of(manifest: dict[str, Any]) -> int:
+    """Of the sensor's pixels."""
+    return max(plane["device"].get("buckets", 1) for plane in manifest["planes"])
 
 
 def frame_time(manifest: dict[str, Any]) -> float:
@@ -185,14 +192,14 @@ def read_export(folder: str | Path) -> Planes:
     """
     manifest = check_export(folder)
     planes: dict[str, torch.Tensor] = {}
-    modes = None
+    modes, buckets = None, buckets_of(manifest)
     for about in manifest["planes"]:
         device = device_of(about, folder)
         if device.kind == "deformable-mirror":
             planes["heights"], modes = _heights(about, Path(folder))
         else:
             planes[about["plane"]] = _pixels(about, device, Path(folder))
-    return Planes(str(folder), manifest["camera"], planes, (), modes, manifest["settings"])
+    return Planes(str(folder), manifest["camera"], planes, (), modes, manifest["settings"], buckets)
 
 
 def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
@@ -223,6 +230,8 @@ def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> t
         levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
     except SettingError as error:
         raise DataError(folder, f"a placement of {error.found}", error.expected, "export again") from error
+    if device.buckets > 1:
+        return _checked(shutter_of(levels, device), about, folder)
     if device.kind != "lcos":
         return _checked(levels.astype(np.float32) / device.top, about, folder)
     light = light_of(levels.astype(np.uint8), device)
