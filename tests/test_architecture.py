@@ -12,6 +12,7 @@ FLOORS = {
     "errors": 0,
     "arguments": 0.2,
     "text_files": 0.2,
+    "plugins": 0.2,
     "attributes": 0.3,
     "yaml_loader": 0.3,
     "yaml_files": 0.4,

@@ -16,7 +16,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, Strict, TypeAdapter, ValidationError
 
-from tmca.errors import SettingError, ShapeError, check_choice
+from tmca.errors import SettingError, ShapeError, check_choice, did_you_mean
 
 T = TypeVar("T")
 _LONGEST, _REASON = 60, 200
@@ -124,7 +124,7 @@ def _taken(parameter: Parameter, value: Any, wanted: tuple[TypeAdapter[Any], str
     try:
         return wanted[0].validate_python(value)
     except ValidationError:
-        remedy = "" if parameter.default is Parameter.empty else "leave it out for the usual"
+        remedy = "" if parameter.default is Parameter.empty else "leave it out for the default"
         raise SettingError(parameter.name, described(value), wanted[1], remedy) from None
 
 
@@ -292,12 +292,13 @@ def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: boo
         if name not in settings:
             found = f"a setting of {decoder.name}" if value is None else f"{value} for {decoder.name}"
             remedy = "put @dataclass above its class" if name in vars(decoder) else "leave it out"
-            raise SettingError(name, found, f"one of {', '.join(settings)}" if settings else "no settings", remedy)
+            expected = f"one of {', '.join(settings)}" if settings else "no settings"
+            raise SettingError(name, found, expected, did_you_mean(name, settings, remedy))
         adapter = TypeAdapter[Any](types[name], config=ConfigDict(arbitrary_types_allowed=True))
         try:
             checked[name] = adapter.validate_strings(value) if texts else adapter.validate_python(value)
         except ValidationError:
-            raise SettingError(name, repr(value), settings[name].type) from None
+            raise SettingError(name, repr(value), _words(types[name])) from None
         if not texts and isinstance(value, str) and isinstance(checked[name], int | float):
-            raise SettingError(name, repr(value), settings[name].type, "give a number, not a text")
+            raise SettingError(name, repr(value), _words(types[name]), "give a number, not a text")
     return checked

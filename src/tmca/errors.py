@@ -82,7 +82,16 @@ def check_choice(where: object, value: object, choices: Iterable[object]) -> Non
     """Raise SettingError unless a value is one of the choices."""
     known = list(choices)
     if value not in known:
-        raise SettingError(where, repr(value), f"one of {', '.join(map(str, known))}")
+        remedy = did_you_mean(str(value), map(str, known))
+        raise SettingError(where, repr(value), f"one of {', '.join(map(str, known))}", remedy)
+
+
+def did_you_mean(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """The remedy for a name that may be misspelt: the nearest one that there is, if any is near."""
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, list(known), 1)
+    return f"did you mean {near[0]}?" if near else otherwise
 
 
 def check_range(

@@ -13,7 +13,7 @@ import tmca
 from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS, Application
 from tmca.applications.demo import Demo, Trial, run_demo
-from tmca.cameras import CAMERAS, Camera, Snapshot, load_cameras
+from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.cli import main
 from tmca.data.fitting import middle_of
 from tmca.data.scenes import load_scene
@@ -21,6 +21,7 @@ from tmca.decoders import decoders_for
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator
 from tmca.plots.style import image_figure
+from tmca.plugins import load_plugins
 
 SIZE = (14, 17)
 
@@ -141,10 +142,10 @@ def installed(monkeypatch):
 
     monkeypatch.delitem(CAMERAS, "single-pixel")
     monkeypatch.delitem(APPLICATIONS, "single-pixel")
-    monkeypatch.setattr("tmca.cameras.plugins.entry_points", lambda group: [Point()])
-    load_cameras.cache_clear()
+    monkeypatch.setattr("tmca.plugins.entry_points", lambda group: [Point()] if group == "tmca.cameras" else [])
+    load_plugins.cache_clear()
     yield
-    load_cameras.cache_clear()
+    load_plugins.cache_clear()
 
 
 @pytest.fixture

@@ -205,6 +205,10 @@ def test_a_snapshot_says_in_a_line_what_it_is(name):
     snapshot = Snapshot(camera(*inputs(camera, batch=1)), camera)
     assert len(repr(snapshot).splitlines()) == 1
     assert camera.kind in repr(snapshot)
+    assert f"buckets={camera.buckets}" in repr(camera)
+    if camera.psf_window is None:
+        with pytest.raises(ShapeError, match="as many buckets"):
+            camera.A_adjoint(torch.ones(1, 7 * camera.snapshot_shape[0], *camera.snapshot_shape[1:]))
     assert "data:image/png;base64," in snapshot._repr_html_()
 
 

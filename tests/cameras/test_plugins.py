@@ -4,10 +4,11 @@ import sys
 
 import pytest
 
+from tests.plugin_packages import install
 from tmca.applications import APPLICATIONS, application_of
-from tmca.cameras import CAMERAS, load_cameras
-from tmca.cameras.plugins import BrokenCamera
+from tmca.cameras import CAMERAS
 from tmca.errors import SettingError
+from tmca.plugins import BrokenPlugin, load_plugins
 
 PACKAGE = """
 from tmca.applications import SpectralApplication
@@ -24,18 +25,8 @@ class PinholeApplication(SpectralApplication):
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
     """A package with a camera, as pip installs it."""
-
-    def install(text):
-        (tmp_path / "pinhole_package.py").write_text(text)
-        about = tmp_path / "pinhole_package-1.dist-info"
-        about.mkdir()
-        (about / "METADATA").write_text("Metadata-Version: 2.1\nName: pinhole-package\nVersion: 1\n")
-        (about / "entry_points.txt").write_text("[tmca.cameras]\npinhole = pinhole_package\n")
-        monkeypatch.syspath_prepend(tmp_path)
-
-    load_cameras.cache_clear()
-    yield install
-    load_cameras.cache_clear()
+    yield lambda text: install(tmp_path, monkeypatch, "tmca.cameras", "pinhole_package", text)
+    load_plugins.cache_clear()
     sys.modules.pop("pinhole_package", None)
     CAMERAS.pop("pinhole", None)
     APPLICATIONS.pop("pinhole", None)
@@ -50,5 +41,5 @@ def test_the_entry_point_of_another_package_is_found(installed):
 
 def test_one_that_cannot_be_loaded_is_warned_of_and_left_out(installed):
     installed("import a_package_that_is_not_there")
-    with pytest.warns(BrokenCamera, match="pinhole_package.*a_package_that_is_not_there"), pytest.raises(SettingError):
+    with pytest.warns(BrokenPlugin, match="pinhole_package.*a_package_that_is_not_there"), pytest.raises(SettingError):
         application_of("pinhole")

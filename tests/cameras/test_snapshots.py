@@ -102,6 +102,7 @@ def test_notes_come_back_as_they_were(tmp_path):
         (lambda camera: Snapshot(torch.ones(1, 1, 4, 7), None), "camera"),
         (lambda camera: Snapshot(torch.ones(1, 1, 4, 7), camera).save(None), "path"),
         (lambda camera: Snapshot(torch.ones(1, 1, 4, 6), camera).to_xarray(), "values"),
+        (lambda camera: Snapshot(torch.full((1, 1, 4, 7), torch.nan), camera).save("s.nc"), "values"),
     ],
 )  # fmt: skip
 def test_what_is_no_snapshot_is_refused(call, where):

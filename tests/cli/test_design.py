@@ -130,6 +130,49 @@ def test_codes_of_a_light_field_camera_are_designed_and_taken_along(capsys):
         np.testing.assert_array_equal(taken["aperture"][:, :6, :6], codes["aperture"])
 
 
+@pytest.mark.parametrize(("camera", "kind"), [
+    ("spectral", "two-bucket"),
+    pytest.param("spectral", "burst", marks=pytest.mark.slow),
+    pytest.param("light-field", "two-bucket", marks=pytest.mark.slow),
+])  # fmt: skip
+def test_codes_of_two_buckets_are_designed_and_taken_along(camera, kind, capsys, monkeypatch):
+    scenes, own = (["coffee.nc", "tissue.nc"], ["--bands", "4"])
+    if camera == "light-field":
+        scenes, own = (["rocket.nc", "retina.nc"], ["--views", "3"])
+    asked = ["--slots", "2", "--period", "4", "--kinds", kind, "--read-noise", "0.02", "--out", "d"]
+    found = answer(capsys, "design", camera, *scenes, *own, *asked)
+    assert (found["best"]["codes"], found["buckets"]) == (kind, 2)
+    page = Path("d/design.html").read_text()
+    assert page.count("data:image/png") == 2
+    assert len(tifffile.imread("d/shutter.tif")) == (2 if kind == "two-bucket" else 4)
+    main(
+        [
+            "simulate",
+            camera,
+            scenes[0],
+            *own,
+            "--crop",
+            "24x30",
+            "--no-figures",
+            "--codes",
+            "d/codes.nc",
+            "--out",
+            "s.nc",
+        ]
+    )
+    with xr.open_dataset("s.nc") as taken:
+        assert taken["snapshot"].sizes["bucket"] == 2
+    judged = answer(capsys, "design", "judge", "s.nc", "--figure", "judge.png")
+    assert judged["throughput"] == pytest.approx(found["best"]["throughput"], abs=0.02)
+    assert "--set camera.slots=2 --set camera.period=4 --set camera.learn=none --set camera.buckets=2" in page
+    settings = ["camera={size: [24, 30], period: 4, slots: 2, buckets: 2}", "codes.start=d/codes.nc", "data.patch=16"]
+    settings += ["decoder={kind: unet, widths: [4], blocks: 1}", "data.bands=4"]
+    if camera == "spectral":
+        told = [word for setting in settings for word in ("--set", setting)]
+        main(["train", camera, "--train", scenes[0], "--steps", "1", "--out", "run", *told])
+        assert Weights.load("run").camera.buckets == 2
+
+
 def test_scenes_too_small_for_the_blocks_are_named(capsys):
     np.save("small.npy", np.random.default_rng(0).random((4, 6, 6)).astype(np.float32))
     line = refused(capsys, "small.npy", "--wavelengths", "400:700:4", "--bands", "4", "--out", "d")

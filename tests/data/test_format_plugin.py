@@ -1,6 +1,5 @@
 """A format in a package of its own, as CONTRIBUTING.md shows it, is read and described like any other."""
 
-import importlib
 import re
 import sys
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.plugin_packages import install
 from tmca.data import describe, read
 from tmca.data.formats.stored import OPENERS
 from tmca.errors import DataError
@@ -18,13 +18,7 @@ NM = np.array([450.0, 500.0, 600.0])
 
 @pytest.fixture
 def plugin(tmp_path, monkeypatch):
-    about = tmp_path / "text_cube-1.0.dist-info"
-    about.mkdir()
-    (tmp_path / "text_cube.py").write_text(SOURCE)
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: text_cube\nVersion: 1.0\n")
-    (about / "entry_points.txt").write_text("[tmca.formats]\ntext_cube = text_cube\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
-    importlib.invalidate_caches()
+    install(tmp_path, monkeypatch, "tmca.formats", "text_cube", SOURCE)
     yield tmp_path
     OPENERS.pop(".cube3", None)
     sys.modules.pop("text_cube", None)

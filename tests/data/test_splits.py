@@ -49,6 +49,13 @@ def test_an_entry_in_no_list_only_has_to_exist(root):
         read_split(split_of(root, "hsi/other.mat\n"))
 
 
+def test_rendered_scenes_may_be_named_and_files_of_their_name_go_first(root):
+    split = split_of(root, "hsi/a.mat\nastronaut\ncoffee\n")
+    assert [str(path) for path in read_split(split)] == [str(root / "hsi/a.mat"), "astronaut", "coffee"]
+    (root / "coffee").mkdir()
+    assert read_split(split)[2] == root / "coffee"
+
+
 @pytest.mark.parametrize("form", ["{sum}  {name}", "{sum} *{name}", "{name} {sum}", "{name}\t{sum}", "{sum}  ./{name}"])
 def test_a_checksum_may_stand_before_or_after_the_path(root, form):
     checksum = hashlib.sha256(b"hsi/b scene.mat").hexdigest()

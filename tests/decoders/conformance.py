@@ -13,7 +13,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import LMMSE, Weights, build_network, decode, make_decoder
 from tmca.decoders.nets.build import build_depth_network
 from tmca.errors import SettingError
-from tmca.priors import GaussianMixturePrior, PatchDictionary, Prior
+from tmca.priors import GaussianMixturePrior, PatchDictionary, prior_kinds
 from tmca.sensor import Sensor
 
 SIZE = (13, 17)
@@ -57,7 +57,7 @@ def prior_for(prior_kind, kind):
     if prior_kind == "mixture":
         return GaussianMixturePrior.learn([scene], block, views=grid, kinds=2, rank=8, gains=2, samples=300)
     if prior_kind != "dictionary":  # Gaussian, or a plug-in's
-        return Prior.kinds[prior_kind].learn([scene], block, views=grid)
+        return prior_kinds()[prior_kind].learn([scene], block, views=grid)
     draw = torch.randn(30, 9, 5, 5, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     draw -= draw.mean((1, 2, 3), keepdim=True)
     atoms = torch.nn.functional.normalize(draw.flatten(1), dim=1).reshape(draw.shape)

@@ -40,6 +40,8 @@ def test_an_estimate_is_labelled_saved_and_drawn(kind, variables, tmp_path):
     assert (stored.attrs["decoder"], stored.attrs["scene"]) == (cls.name, "smooth")
     assert stored[next(iter(stored.data_vars))].shape == tuple(camera.scene_shape)
     assert estimate.plot(truth=estimate.to_xarray()).axes
+    assert kind == "light-field" or estimate.plot(truth="coffee").axes
+    assert kind == "spectral-depth" or estimate.plot(truth=estimate.values).axes
     assert "<img" in estimate._repr_html_()
 
 

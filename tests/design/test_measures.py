@@ -62,3 +62,12 @@ def test_what_cannot_be_measured_is_refused():
         measures(camera(relay_blur=0.5))
     with pytest.raises(ShapeError, match="dispersion"):
         measures(camera(), block=(2, 2))
+
+
+def test_two_buckets_are_measured_together():
+    """Both read the whole light between them, and what one bucket leaves unseen the other sees."""
+    both = measures(camera(shutter="random", buckets=2), block=(2, 7))
+    assert both.throughput == pytest.approx(2 * sum(v * p for v, p in both.levels.items()))
+    assert both.singular_values.numel() == 2 * measures(camera(), block=(2, 7)).singular_values.numel()
+    cube = camera(shutter="random", buckets=2).code_cube().movedim(0, 1).flatten(1)
+    np.testing.assert_allclose(both.band_correlation, np.corrcoef(cube.numpy()), atol=1e-6)

@@ -148,6 +148,7 @@ def test_impossible_light_field_sweeps_are_refused_before_any_work(tmp_path, var
         ({}, "nothing"), ({"slotz": [1]}, "slotz"), ({"slots": []}, "slots"), ({"slots": [2, 2]}, "different"),
         ({"slots": [0]}, "slots"), ({"noise": [-1]}, "read_noise"), ({"decoder": ["magic"]}, "magic"),
         ({"shutter": ["onehot"]}, "onehot"), ({"slots": ["2.5"]}, "whole"), ({"noise": ["nan"]}, "finite"),
+        ({"decoder.tv_weight": [1]}, "decoder.tv_weight"), ({"buckets": ["1.5"]}, "whole"),
         ({"dispersion": ["wide"]}, "numbers"), ({"noise": [0.1], "read_noise": [0.1]}, "one of them"),
     ],
 )  # fmt: skip
@@ -164,8 +165,8 @@ def test_impossible_fixed_settings_are_refused(tmp_path, fixed):
 
 
 def test_values_may_be_text_as_on_the_command_line(tmp_path):
-    found = sweep(tmp_path, {"noise": ["1e-2"], "slots": ["4.0"]})
-    assert (found["rows"][0]["noise"], found["rows"][0]["slots"]) == (0.01, 4)
+    found = sweep(tmp_path, {"noise": ["1e-2"], "slots": ["4.0"], "buckets": ["2"]})
+    assert [found["rows"][0][name] for name in ("noise", "slots", "buckets")] == [0.01, 4, 2]
 
 
 def test_a_static_design_stands_beside_those_of_several_slots(tmp_path):

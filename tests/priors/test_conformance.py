@@ -8,13 +8,13 @@ from matplotlib.figure import Figure
 
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.priors import GaussianPrior, Prior, check_kind, find_prior, learn_prior, load_prior
+from tmca.priors import GaussianPrior, Prior, check_kind, find_prior, learn_prior, load_prior, prior_kinds
 
 BANDS, VIEWS = 3, (3, 3)
 WAVELENGTHS = (500e-9, 550e-9, 600e-9)
 SMALL = {"gaussian": {}, "mixture": {"kinds": 2, "rank": 4, "gains": 2, "samples": 200, "seed": 1}}
 SMALL["dictionary"] = {"atoms": 12, "seed": 1}
-KINDS = sorted(Prior.kinds)
+KINDS = sorted(prior_kinds())
 
 
 def examples(channels):

@@ -42,10 +42,18 @@ def test_every_camera_has_a_spec():
 def test_a_spec_without_values_is_the_camera_without_arguments(kind):
     spec = CAMERA_SPECS[kind]()
     made = camera_of(spec, **SHAPES[kind])
-    plain = CAMERAS[kind].from_preset(spec.preset, **SHAPES[kind]) if spec.preset else CAMERAS[kind](**SHAPES[kind])
+    preset = getattr(spec, "preset", None) or spec.usual
+    plain = CAMERAS[kind].from_preset(preset, **SHAPES[kind]) if preset else CAMERAS[kind](**SHAPES[kind])
     for name, values in plain.state_dict().items():
         assert torch.equal(values, made.state_dict()[name]), name
     assert made.snapshot_shape == plain.snapshot_shape
+
+
+def test_one_option_on_codes_leaves_the_usual_preset():
+    """The others are then the constructor's, as in version 0.1."""
+    made = camera_of(CAMERA_SPECS["spectral"](slots=8), **SHAPES["spectral"])
+    assert made.codes.shutter.tile().sum(0).max() > 1
+    assert camera_of(CAMERA_SPECS["spectral"](period=4), **SHAPES["spectral"]).slots == 4
 
 
 @pytest.mark.parametrize("kind", CAMERA_SPECS)
@@ -187,6 +195,17 @@ def test_a_bench_in_metres_says_the_shear():
     with pytest.warns(CodesWarning, match="mask pixels per view"):
         camera = camera_of(LightFieldSpec(), None, MaskPlaceSpec(**BENCH), **SHAPES["light-field"])
     assert camera.shear.step == pytest.approx((1.0, 1.0))
+
+
+@pytest.mark.parametrize(("settings", "words"), [
+    ({"buckets": 2, "shutter": "open"}, "never sees light"),
+    ({"buckets": 2, "slots": 1}, "never sees light"),
+    ({"shutter": "burst"}, "one bucket"),
+])  # fmt: skip
+def test_buckets_that_see_no_light_are_warned_of(settings, words):
+    for kind in ("spectral", "spectral-depth"):
+        with pytest.warns(CodesWarning, match=words):
+            camera_of(CAMERA_SPECS[kind](**settings), size=(64, 64), **({"bands": 4} if kind == "spectral" else {}))
 
 
 def test_a_phase_mask_bench_replaces_parts_of_the_presets():

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 
+from tmca.codes import bucket_shutters
 from tmca.plots import codes
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ _POINTS = 4
 
 def snapshot_figure(snapshot: Snapshot[Any], title: str) -> Figure:
     """The recorded image, mean of its colours or channels, and how its values fill the sensor's range."""
+    channels = snapshot.camera.snapshot_shape[0] // snapshot.camera.buckets
+    title += f", mean of {channels} channels" if channels > 1 else ""
     return codes.snapshot_figure(snapshot.image(), snapshot.camera.full_scale, snapshot.camera.channel, title)
 
 
@@ -37,13 +40,16 @@ def codes_figure(camera: CodedCamera, corner: int = codes.CORNER) -> Figure:
 def rays_figure(camera: LightFieldCamera) -> Figure:
     """What each mask point does to the rays that cross it."""
     seen = camera.code_through_mask().detach().cpu().numpy()
-    return codes.sub_images_figure(seen, f"code seen from the mask, K = {camera.slots}")
+    bucket = f", bucket 1 of {camera.buckets}" if camera.buckets > 1 else ""
+    return codes.sub_images_figure(seen, f"code seen from the mask, K = {camera.slots}{bucket}")
 
 
 def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:
     """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
     with torch.no_grad():
-        shown = camera.shutter()[: camera.slots]  # of the first bucket
+        shown = camera.shutter()[None]
+        if camera.buckets > 1:
+            shown = bucket_shutters(shown[0], camera.slots, camera.buckets)
         parts = (camera.codes.optics.heights(), shown, camera.filters.cells(), camera.filters.filters, camera.response)
         heights, shutter, cells, filters, response = (part.cpu().numpy() for part in parts)
     return codes.phase_codes_figure(heights, shutter, cells, filters, response, camera.wavelengths)

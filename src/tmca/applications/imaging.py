@@ -232,6 +232,8 @@ def application_for(estimate: xr.Dataset | str | Path) -> Application:
         from tmca.data import describe
 
         about: Mapping[str, Any] = describe(estimate)
+        if "snapshot" in about.get("variables", ()):
+            raise DataError(estimate, "a snapshot", "an estimate of a scene", "run tmca reconstruct on it first")
     else:
         kind = "light field" if "view_v" in estimate.sizes else "cube"
         about = {"attrs": estimate.attrs, "kind": kind, "variables": set(estimate), "depth": "depth" in estimate}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from tmca.applications.base import Application, noted_reading
@@ -205,7 +206,8 @@ class LightFieldApplication(Application):
         """See ``Application``: centre views with epipolar slices."""
         from tmca.plots.light_field import light_field_figure
 
-        frames = None if snapshot is None else snapshot.values[:, 0].numpy(force=True)
+        # buckets beside each other, the first at the left
+        frames = None if snapshot is None else torch.cat(snapshot.values.unbind(1), -1).numpy(force=True)
         shown = frames if frames is None or len(frames) > 1 else frames[0]
         views = {str(estimate.attrs["decoder"]): estimate["estimate"].values}
         return light_field_figure(views, None if truth is None else truth.values, shown)

@@ -5,8 +5,7 @@ from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_object, moving_scene, moving_scenes
-from tmca.cameras.plugins import load_cameras
-from tmca.cameras.snapshot import Snapshot, holds_snapshot
+from tmca.cameras.snapshot import Snapshot, holds_snapshot, load_cameras
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
 from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware

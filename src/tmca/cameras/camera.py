@@ -111,8 +111,7 @@ class Camera(FromArguments, nn.Module, ABC):
 
     @abstractmethod
     def build_operator(self, depth: Tensor | None = None) -> LinearOperator:
-        """The linear part with the present codes, on scenes (B, channels, H, W); ``depth`` (B, 1, H, W) in metres where
-        the camera has one."""
+        """The linear part of the present codes, on scenes (B, channels, H, W); ``depth`` (B, 1, H, W) in metres."""
 
     @abstractmethod
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
@@ -128,8 +127,7 @@ class Camera(FromArguments, nn.Module, ABC):
         """Arguments of the constructor of ``variables``, without exposure and sensor."""
 
     def variables(self, tiled: bool = False) -> xr.Dataset:
-        """Codes, optics and sensor, labelled: everything but a snapshot, for files; ``tiled``: codes that repeat as one
-        tile, for a camera of any size."""
+        """Codes, optics and sensor, labelled, for files; ``tiled``: codes that repeat as one tile, for any size."""
         import xarray as xr
 
         from tmca import __version__
@@ -155,8 +153,7 @@ class Camera(FromArguments, nn.Module, ABC):
             settings: dict[str, Any] = {"exposure": stated.exposure, **cls._settings(dataset, where)}
             settings |= {} if stated.size is None else {"size": stated.size}
             settings |= {} if stated.buckets == 1 else {"buckets": stated.buckets}
-            sensor: dict[str, Any] = dict(stated.sensor)
-            settings["sensor"] = Sensor(**sensor)
+            settings["sensor"] = Sensor(**stated.sensor)
             return cls(**{**settings, **changes})
         except (ValueError, TypeError, IndexError, RuntimeError, KeyError) as error:
             expected = f"{', '.join(cls.needed)} and sensor that fit"
@@ -165,6 +162,10 @@ class Camera(FromArguments, nn.Module, ABC):
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         """Names of the axes of snapshots (B, C, H, W') in a file, those of length one left out."""
         return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
+
+    def extra_repr(self) -> str:
+        """What the text of the camera begins with."""
+        return f"slots={self.slots}, buckets={self.buckets}"
 
     @property
     def learnable(self) -> bool:
@@ -192,8 +193,7 @@ class Camera(FromArguments, nn.Module, ABC):
         return recorded
 
     def operator(self, depth: Tensor | None = None) -> LinearOperator:
-        """The linear part, see ``build_operator``; without depth, cached until a tensor of the camera changes, unless
-        it is learned."""
+        """``build_operator``; without depth cached until a tensor of the camera changes, unless it is learned."""
         if depth is not None:
             return self.build_operator(depth)
         return self.cached("operator", self.build_operator)
@@ -286,8 +286,9 @@ class BandCamera(Camera):
         import xarray as xr
 
         attrs = {"quantity": unit, "units": "1", "long_name": name}
-        values = scenes[0].numpy(force=True)
-        return xr.DataArray(values, self._band_coordinates(), ("wavelength", "y", "x"), attrs=attrs)
+        return xr.DataArray(
+            scenes[0].numpy(force=True), self._band_coordinates(), ("wavelength", "y", "x"), attrs=attrs
+        )
 
     def _band_coordinates(self) -> dict[str, Any]:
         metres = np.array(self.wavelengths)
@@ -298,8 +299,7 @@ class BandCamera(Camera):
 
 
 class CodedCamera(Camera):
-    """A camera whose light one code per channel of the scene stands for (thesis eqs 12, 20); it holds ``response``, the
-    weight of every channel of the scene, and ``codes``."""
+    """A camera of one code per channel of the scene (thesis eqs 12, 20), whose weights are the ``response``."""
 
     response: Tensor
     codes: MultiplexedCodes

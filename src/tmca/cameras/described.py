@@ -16,7 +16,7 @@ from torch import Tensor
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import SpectralDepthCamera
-from tmca.codes import BURST, FAMILIES
+from tmca.codes import BURST, FAMILIES, bucket_shutters
 from tmca.codes.files import read_codes
 from tmca.data import read_array
 from tmca.errors import SettingError, TmcaError
@@ -61,7 +61,7 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
         DataError: a file that cannot be read.
 
     Warns:
-        CodesWarning: patterns whose middle is taken, a tile larger than the scene.
+        CodesWarning: patterns whose middle is taken, a tile larger than the scene, buckets that see no light.
     """
     kind: Any = CAMERAS[spec.kind]
     _check_memory(getattr(spec, "slots", None) or 1, shape)
@@ -75,7 +75,20 @@ def camera_of(spec: CameraSpec, sensor: SensorSpec | None = None, bench: Spec | 
         if (named := _of_file(error, spec)) is error:
             raise
         raise named from error
+    _warn_of_buckets(camera, arguments.get("shutter"))
     return camera
+
+
+def _warn_of_buckets(camera: Any, shutter: Any) -> None:
+    """Warns of buckets that never see light, as behind an open shutter, and of a burst without buckets."""
+    if camera.buckets == 1 and isinstance(shutter, str) and shutter == BURST:
+        warn("shutter: burst with one bucket is an open shutter; add --buckets 2", CodesWarning, stacklevel=3)
+    elif camera.buckets > 1:
+        plane = camera.codes.shutter()
+        dark = ~bucket_shutters(plane, camera.slots, camera.buckets).any(1)
+        if bool(dark.any(0).all()):
+            text = f"buckets: of the {camera.buckets} of every pixel one or more never sees light; "
+            warn(f"{text}take more slots, and --shutter balanced or burst", CodesWarning, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -122,8 +135,7 @@ def _coded(spec: CodedSpec, shape: dict[str, Any]) -> dict[str, Any]:
         others = spec.only("preset", "weights", "coloured")
         arguments |= _alone(read_codes(spec.codes).settings(), arguments, others)
     for plane in _PLANES:
-        families = (*FAMILIES, BURST) if plane == "shutter" else FAMILIES
-        if isinstance(arguments.get(plane), str) and arguments[plane] not in families:
+        if isinstance(arguments.get(plane), str) and arguments[plane] not in _families(plane):
             arguments[plane] = read_patterns(arguments[plane], plane)
     patterns = [arguments[plane] for plane in _PLANES if isinstance(arguments.get(plane), Tensor)]
     if patterns and patterns[0].ndim == 3:
@@ -210,6 +222,11 @@ def _geometry(bench: MaskPlaceSpec, views: tuple[int, int], shear: tuple[float, 
     return MaskGeometry.for_shear(1.0 if shear is None else shear[0], **lengths)
 
 
+def _families(plane: str) -> tuple[str, ...]:
+    """Names of the codes of a plane."""
+    return (*FAMILIES, BURST) if plane == "shutter" else tuple(FAMILIES)
+
+
 def read_patterns(file: str, plane: str) -> Tensor:
     """(K, H, W) patterns of a file, shares of light; MATLAB's (H, W, K) too; whole numbers over their type's maximum.
 
@@ -217,7 +234,7 @@ def read_patterns(file: str, plane: str) -> Tensor:
         SettingError: neither a family nor a file, or values outside [0, 1].
     """
     if not Path(file).suffix:
-        raise SettingError(plane, repr(file), f"one of {', '.join(FAMILIES)}, or a file of patterns")
+        raise SettingError(plane, repr(file), f"one of {', '.join(_families(plane))}, or a file of patterns")
     patterns = _shares(read_array(file), plane, file)
     turned = patterns.ndim == 3 and patterns.shape[2] < min(patterns.shape[:2])
     return patterns.movedim(2, 0).contiguous() if turned else patterns

@@ -16,10 +16,10 @@ from pydantic import InstanceOf, Json
 from tmca.arguments import checked, described
 from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
-from tmca.cameras.plugins import load_cameras
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
-from tmca.errors import DataError, check_shape
+from tmca.errors import DataError, SettingError, check_shape
+from tmca.plugins import load_plugins
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -57,12 +57,15 @@ class Snapshot(Generic[Kind]):
 
         Raises:
             ShapeError: several snapshots, or another size than the camera's.
+            SettingError: values that are not finite.
         """
         dataset, axes = self.camera.variables(), self.camera.snapshot_axes(self.values)
         colours = 3 if "colour" in axes else 1
         remedy = "several snapshots are saved one by one"
         check_shape("values", self.values, (colours, *self.camera.snapshot_shape), remedy)
         values = self.values.numpy(force=True)
+        if unknown := int((~np.isfinite(values)).sum()):
+            raise SettingError("values", f"{unknown} that are not finite", "finite numbers", "fill them in")
         dataset["snapshot"] = (axes, values.reshape(_shape(values, axes, self.camera.buckets)), _MEANING)
         if colours == 3:
             dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
@@ -73,6 +76,7 @@ class Snapshot(Generic[Kind]):
         """Write a NetCDF file.
 
         Raises:
+            ShapeError, SettingError: as ``to_xarray``.
             OutputError: the file exists, or cannot be written.
         """
         from tmca.data import write_dataset
@@ -172,6 +176,11 @@ def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
         for name, value in attributes.items()
         if name != _JSON
     }
+
+
+def load_cameras() -> None:
+    """Import the cameras of other packages, each with its application."""
+    load_plugins("tmca.cameras")
 
 
 def holds_snapshot(variables: set[str]) -> bool:

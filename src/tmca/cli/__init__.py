@@ -9,7 +9,7 @@ import threading
 import warnings
 from collections.abc import Callable, Sequence
 
-from tmca.errors import TmcaError
+from tmca.errors import TmcaError, did_you_mean
 
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
@@ -85,7 +85,7 @@ def _asks_for_help(tokens: list[str]) -> bool:
 
 def _misspelt(error: Exception, tokens: list[str]) -> str:
     """What the command line cannot take, in one line; a value that a spec refuses like every other error."""
-    from cyclopts import UnusedCliTokensError
+    from cyclopts import UnknownOptionError, UnusedCliTokensError
     from pydantic import ValidationError
 
     if isinstance(error.__cause__, ValidationError):
@@ -94,6 +94,10 @@ def _misspelt(error: Exception, tokens: list[str]) -> str:
         return _in_options(first_error(error.__cause__), tokens)
     if isinstance(error, UnusedCliTokensError):
         return f"found {' '.join(error.unused_tokens or ())!r} too much, expected what --help of this command shows"
+    if isinstance(error, UnknownOptionError):
+        option = error.token.keyword or error.token.value
+        remedy = did_you_mean(option, (name for one in error.argument_collection for name in one.names), "leave it out")
+        return f"{option}: found an unknown option, expected one that --help-all of this command lists; {remedy}"
     said = " ".join(str(error).split())
     return said if tokens else f"{said} Try `tmca --help`."
 

@@ -60,4 +60,5 @@ class _Lines:
 
 def cell_done(done: int, total: int, name: str, left: float) -> None:
     """A line for a finished cell of a table; ``left`` is in seconds."""
-    print(f"[{done}/{total}] {name} · {left / 60:.1f} min left", file=sys.stderr)
+    time_left = f" · {left / 60:.1f} min left" if done < total else ""
+    print(f"[{done}/{total}] {name}{time_left}", file=sys.stderr)

@@ -271,7 +271,11 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         "codes_date": taken.notes["codes_date"],
         "files": [str(file) for file in written],
     }
-    lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}"]
+    buckets = ""
+    if taken.camera.buckets > 1:
+        report["buckets"] = taken.camera.buckets
+        buckets = f", {taken.camera.buckets} buckets"
+    lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}{buckets}"]
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""

@@ -43,9 +43,9 @@ def spectral(
     Args:
         scenes: cubes or rendered scenes to measure on; the rendered test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, aperture, shutter, exposure, dispersion, disperser, transmittance, duty, period, decoder, seed, a
-            setting of the decoder (decoder.tv_weight, …; `tmca decoders`), or a
-            fault of the bench that decoders are not told of: misregistration, delay, … (docs/hardware.md).
+            slots, aperture, shutter, buckets, exposure, dispersion, disperser, transmittance, duty, period, decoder,
+            seed, a setting of the decoder (decoder.tv_weight, …; `tmca decoders`), or a fault of the bench that
+            decoders are not told of: misregistration, delay, … (docs/hardware.md).
         out: results, without a suffix.
         work: folder of finished cells.
         test: split file of scenes to add.
@@ -88,9 +88,9 @@ def light_field(
     Args:
         scenes: light fields to measure on: folders, files, or rendered ones; the rendered test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, aperture, shutter, exposure, shear, transmittance, duty, period, decoder, seed, or design: codes
-            searched for every combination (free, one-hot, static, …), or a fault of the bench that decoders are not
-            told of: misregistration, delay, … (docs/hardware.md).
+            slots, aperture, shutter, buckets, exposure, shear, transmittance, duty, period, decoder, seed, or design:
+            codes searched for every combination (free, one-hot, static, …), or a fault of the bench that decoders are
+            not told of: misregistration, delay, … (docs/hardware.md).
         out: results, without a suffix.
         work: folder of priors, designs and finished cells.
         test: split file of light fields to add.
@@ -134,9 +134,9 @@ def spectral_depth(
         scenes: scenes with depth, RGB-D scenes, cubes, rendered scenes, or split files (.txt) of them; the rendered
             test scenes without any.
         vary: NAME=VALUE,VALUE,… given several times; NAME: noise (read noise), full_well, read_noise_electrons, bits,
-            slots, mask, rms (metres), modes, shutter, filters, channels, planes, exposure, image_formation, period,
-            seed, contrast of the scenes' texture (0 to 1), codes: files of `tmca design spectral-depth`, or a fault of
-            the bench that decoders are not told of: height_error, delay, … (docs/hardware.md).
+            slots, mask, rms (metres), modes, shutter, buckets, filters, channels, planes, exposure, image_formation,
+            period, seed, contrast of the scenes' texture (0 to 1), codes: files of `tmca design spectral-depth`, or a
+            fault of the bench that decoders are not told of: height_error, delay, … (docs/hardware.md).
         out: results, without a suffix.
         work: folder of the prior and finished cells.
         test: more of them.

@@ -29,7 +29,11 @@ def fit_cube(scene: xr.DataArray, wavelengths: Sequence[float], size: Size, wher
     Raises:
         DataError: no cube, a smaller one, or one with fewer bands.
     """
-    return _middle(nearest_bands(as_cube(scene, where), wavelengths), {"y": size[0], "x": size[1]}, where)
+    cube, count = as_cube(scene, where), len(wavelengths)
+    if cube.sizes["wavelength"] < count:
+        found, expected = f"{cube.sizes['wavelength']} bands", f"{count} or more, as the camera or the estimate has"
+        raise DataError(where, found, expected, "take a scene of as many bands")
+    return _middle(nearest_bands(cube, wavelengths), {"y": size[0], "x": size[1]}, where)
 
 
 def fit_views(scene: xr.DataArray, views: Size, size: Size, where: str = "scene") -> xr.DataArray:

@@ -99,10 +99,12 @@ def read_split(path: str | Path) -> list[Path]:
     """The files and folders of a split, each verified against its checksum, or that in the root's manifest.
 
     The root, to which its paths are relative, is the nearest folder above the split with a ``MANIFEST.sha256``, else
-    the split's own folder. Entries without any checksum are only checked to exist.
+    the split's own folder. Entries without any checksum are only checked to exist, unless they are names of rendered
+    scenes.
 
     Returns:
-        ``root / entry`` in the split's order, also where it is a scene's name and not itself a file.
+        ``root / entry`` in the split's order, also where it is a scene's name and not itself a file; a rendered scene's
+        name as it is.
 
     Raises:
         DataError: naming the entry that is missing, altered or outside the root; or an unreadable split.
@@ -167,6 +169,8 @@ def _verified(split: Path, base: Path, name: str, checksum: str | None, sums: di
     if not members and not entry.exists():
         beside = entry.parent.iterdir() if entry.parent.is_dir() else ()
         if not any(_belongs(file.relative_to(base).as_posix(), name) for file in beside):
+            if is_rendered(name):
+                return Path(name)
             raise _missing(split, entry)
     return entry
 

@@ -24,8 +24,9 @@ from torch import Tensor
 from tmca.arguments import checked_settings, described, settings_of
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import DECODERS, load_plugins, register
+from tmca.decoders.registry import DECODERS, register
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
+from tmca.plugins import load_plugins
 from tmca.priors import Prior, find_prior
 
 if TYPE_CHECKING:
@@ -129,15 +130,15 @@ class Estimate:
 
         return write_dataset(self.to_xarray(), path, overwrite=overwrite)
 
-    def plot(self, truth: xr.DataArray | xr.Dataset | None = None) -> Figure:
+    def plot(self, truth: Any = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
 
         Args:
-            truth: the scene, brought to the camera's bands and size, beside it; of a dataset the first variable, or
-                ``radiance`` and ``depth``.
+            truth: the scene, its name or file, or an array as large as the estimate, brought to the camera's bands and
+                size beside it; of a dataset the first variable, or ``radiance`` and ``depth``.
 
         Raises:
-            DataError: a truth of another kind, or a smaller one.
+            DataError, ShapeError: a truth of another kind, or a smaller one.
         """
         from tmca.plots.estimates import estimate_figure
 
@@ -173,9 +174,9 @@ class Decoder(ABC):
     """From a snapshot to the scene; a subclass's fields are its settings, its docstring's ``Args`` their help.
 
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
-    the prior that it needs (``"gaussian"``, ``"mixture"`` or ``"dictionary"``), ``deviation`` whether it can predict
-    its deviation (then it has a setting ``uncertainty``), ``clips`` whether negative values are set to zero, and
-    ``moving`` whether it estimates a scene for every slot.
+    the prior that it needs (``"gaussian"``, ``"mixture"``, ``"dictionary"`` or a kind of another package),
+    ``deviation`` whether it can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
+    negative values are set to zero, and ``moving`` whether it estimates a scene for every slot.
     """
 
     name: ClassVar[str]
@@ -359,6 +360,9 @@ def make_decoder(
     """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
+        if decoder not in choices and decoder in decoders():
+            found = f"{decoder!r}, which is for {', '.join(sorted(decoders()[decoder].cameras))} cameras"
+            raise SettingError("decoder", found, f"one of {', '.join(choices)}")
         check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
@@ -391,5 +395,5 @@ def _decodes(decoder: type[Decoder], kind: str) -> bool:
 
 def decoders() -> Mapping[str, type[Decoder]]:
     """All decoders by name, those of plug-ins included."""
-    load_plugins()
+    load_plugins("tmca.decoders")
     return DECODERS

@@ -179,7 +179,7 @@ class PlugAndPlay(Decoder):
     """Plug-and-play ADMM with total variation over all channels as its denoiser.
 
     Args:
-        iterations: at most.
+        iterations: largest number of them.
     """
 
     name, label, cameras = "pnp-tv", "PnP TV", frozenset({"spectral", "light-field"})
@@ -209,7 +209,7 @@ class NonLocalMeans(PlugAndPlay):
     """Plug-and-play ADMM with non-local means on every channel as its denoiser.
 
     Args:
-        iterations: at most.
+        iterations: largest number of them.
     """
 
     name, label = "pnp-nl-means", "PnP NL-means"
@@ -223,7 +223,7 @@ class Subspace(PlugAndPlay):
     """Plug-and-play ADMM with total variation in the scene's own subspace of few dimensions as its denoiser.
 
     Args:
-        iterations: at most.
+        iterations: largest number of them.
         rank: dimensions of the subspace; 6 if None, or all channels where there are fewer.
     """
 

@@ -3,19 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cache
-from importlib.metadata import entry_points
 from typing import Any
-from warnings import warn
 
 from tmca.errors import SettingError
 
 DECODERS: dict[str, Any] = {}
 """Every decoder class by its name; `tmca.decoders.decoders` also has those of plug-ins."""
-
-
-class BrokenPlugin(UserWarning):
-    """A decoder of another package that cannot be loaded."""
 
 
 def register(decoder: Any) -> None:
@@ -44,14 +37,3 @@ def _check_parts(decoder: Any, where: str) -> None:
         raise SettingError(f"{where}.cameras", repr(cameras), "a set of kinds of cameras", 'such as {"spectral"}')
     if getattr(decoder.reconstruct, "__isabstractmethod__", False):
         raise SettingError(f"{where}.reconstruct", "no such method", "one", "define it in the class")
-
-
-@cache
-def load_plugins() -> None:
-    """Import what other packages name in the entry-point group ``tmca.decoders``; what fails is warned of."""
-    for point in entry_points(group="tmca.decoders"):
-        try:
-            point.load()
-        except (Exception, SystemExit) as error:
-            reason = f"{type(error).__name__}: {error}"
-            warn(f"decoder {point.name} ({point.value}) cannot be loaded: {reason}", BrokenPlugin, stacklevel=2)

@@ -311,7 +311,7 @@ class VariationDecoder(Decoder):
 
     Args:
         tv_weight: weight of the total variation; chosen from the noise if None.
-        iterations: at most.
+        iterations: largest number of them.
     """
 
     name, label, cameras = "admm-tv", "ADMM-TV", frozenset({"spectral", "light-field"})
@@ -344,7 +344,7 @@ class JointVariationDecoder(VariationDecoder):
 
     Args:
         tv_weight: weight of the total variation; chosen from the noise if None.
-        iterations: at most.
+        iterations: largest number of them.
     """
 
     name, label, joint = "admm-tv-joint", "ADMM-TV joint", True

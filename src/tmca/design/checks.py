@@ -10,7 +10,7 @@ from tmca.design.expected_error import design_model
 from tmca.design.flips import tile_bytes
 from tmca.design.kinds import KINDS, designable
 from tmca.design.transfer import example_bytes
-from tmca.errors import SettingError
+from tmca.errors import SettingError, check_range
 
 _MOST_TILE, _MOST_EXAMPLES = 4e9, 10e9
 """Memory for the blocks of one tile, and for what all example scenes say of blocks, bytes."""
@@ -38,8 +38,11 @@ def check_search(
     for name, share in (("--throughput", throughput), ("--light", light)):
         if share is not None and not 0 < share < 1:
             raise SettingError(name, f"{share:g}", "a share above 0 and below 1")
-    sheet.allowed(slots)
     _check_kinds(kinds)
+    sheet.allowed(slots)
+    for kind in kinds:
+        remedy = f"{kind} codes need a slot for each bucket"
+        check_range("--slots", max(slots or (2,)), KINDS[kind].get("buckets", 1), remedy=remedy)
 
 
 def check_size(camera: Mapping[str, Any], period: tuple[int, int], slots: Sequence[int], scenes: int) -> None:

@@ -14,13 +14,13 @@ from tmca.operators.blocks import BlockModel
 
 @dataclass(frozen=True)
 class CodeMeasures:
-    """Figures of a time-multiplexed code T̂ (L, H, W).
+    """Figures of a time-multiplexed code T̂ (L, H, W), of all buckets together where a pixel has several.
 
     Args:
-        throughput: share of a white scene's light that is recorded.
+        throughput: share of a white scene's light that is recorded, in all buckets.
         contrast: standard deviation of T̂ over its mean; 1 for a half-open binary code, less the more slots flatten it.
         levels: share of every value j/K that T̂ takes under equal exposure, by value.
-        band_correlation: (L, L) correlation of the bands of T̂ over the frame.
+        band_correlation: (L, L) correlation of the bands of T̂ over the frame, over its buckets too.
         singular_values: of a block's matrix A, falling, mean over blocks; in snapshot units per irradiance.
         coherence: largest cosine between what two different cosine patterns of a block leave on the snapshot.
     """
@@ -55,7 +55,8 @@ def measures(camera: CodedCamera, *, block: tuple[int, int] = (4, 24), blocks: i
         ShapeError: a block no wider than the dispersion.
     """
     taps = camera.taps()
-    cube = camera.code_cube().double().reshape(camera.channels, *taps.code.shape[1:])
+    cubes = camera.code_cube().double().reshape(camera.buckets, camera.channels, *taps.code.shape[1:])
+    cube = cubes.transpose(0, 1)  # (L, R, H, W): what a band is weighed with, in every bucket of every pixel
     model = BlockModel.of(taps, (taps.scene_channels, *block))
     generator = torch.Generator().manual_seed(seed)
     places = torch.randint(1 << 16, (blocks, 2), generator=generator).tolist()

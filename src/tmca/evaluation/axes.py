@@ -19,7 +19,7 @@ from tmca.evaluation.tables import check_counts, check_weights, decoder_labels
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
-WHOLE = ("slots", "bits", "period", "planes", "seed")
+WHOLE = ("slots", "buckets", "bits", "period", "planes", "seed")
 OPTION = "decoder."
 """Before the name of a setting of a decoder."""
 Values = Mapping[str, Sequence[Any]]
@@ -82,8 +82,10 @@ class Sweep:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Everything that can be varied."""
-        options = {f"{OPTION}{one.name}" for cls in decoders_for(self.camera).values() for one in settings_of(cls)}
+        """Everything that can be varied; of decoders the settings of those that are asked for."""
+        known = decoders_for(self.camera, moving=None)
+        asked = {self.decoder, str(self.fixed.get("decoder", "")), *map(str, self.vary.get("decoder", ()))}
+        options = {f"{OPTION}{one.name}" for name in asked & set(known) for one in settings_of(known[name])}
         return (*SENSOR, *self.evaluation.swept, "buckets", "decoder", "seed", *sorted(options), *self.faults)
 
     @property
@@ -133,7 +135,7 @@ class Sweep:
     def options_of(self, point: Point) -> Settings:
         """Settings of the decoder in a combination; a SettingError for those that it does not have."""
         texts = {name.removeprefix(OPTION): value for name, value in point.items() if name.startswith(OPTION)}
-        known = decoders_for(self.camera)
+        known = decoders_for(self.camera, moving=None)
         check_weights(point["decoder"], texts, "--set decoder.weights")
         if not texts:
             return {}

@@ -208,7 +208,10 @@ class LinearOperator(nn.Module, ABC):
             kind, remedy = getattr(tensor, "dtype", type(tensor).__name__), "convert it with torch.as_tensor(…).float()"
             raise SettingError(name, str(kind), "a floating-point torch tensor", remedy)
         shape = self.scene_shape if name == "scene" else self.snapshot_shape
-        check_shape(name, tensor, ("batch", *shape), "give the camera this size and number of bands, or crop the input")
+        remedy = "give the camera this size and number of bands, or crop the input"
+        if name == "snapshot" and tensor.ndim == 4 and tuple(tensor.shape[2:]) == tuple(shape[1:]):
+            remedy = "give the camera as many buckets and channels, or take those of this camera"
+        check_shape(name, tensor, ("batch", *shape), remedy)
 
 
 class SensorColumns(LinearOperator):

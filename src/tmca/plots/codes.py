@@ -89,22 +89,24 @@ def phase_codes_figure(
     response: np.ndarray,
     wavelengths: Sequence[float],
 ) -> Figure:
-    """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass.
+    """Height maps and shutters of every slot, filters over the pixels of a tile, and what filters and sensor pass.
 
     Args:
         heights: ``(K, Ha, Wa)`` metres.
-        shutter: ``(K, H, W)``.
+        shutter: ``(R, K, H, W)`` of R buckets.
         cells: ``(h, w)`` number of the filter over each pixel of a tile.
         filters: ``(F, L)`` transmittance.
         response: ``(C, L)`` of the sensor.
         wavelengths: (L,) metres.
     """
-    figure, axes = grid(2, len(heights) + 1, width=2.2, aspect=1.0)
+    figure, axes = grid(1 + len(shutter), len(heights) + 1, width=2.2, aspect=1.0)
     limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
-    for slot, (height, shown) in enumerate(zip(heights, shutter, strict=True)):
+    for slot, height in enumerate(heights):
         bar = "nm" if slot == len(heights) - 1 else ""
         image(axes[0, slot], height * 1e9, f"heights, slot {slot}", "coolwarm", limits[1], bar, limits[0])
-        image(axes[1, slot], shown[:side, :side], f"shutter, slot {slot}", "gray", 1.0)
+        for bucket, shown in enumerate(shutter, start=1):
+            name = "shutter" if len(shutter) == 1 else f"shutter S{bucket}"
+            image(axes[bucket, slot], shown[slot, :side, :side], f"{name}, slot {slot}", "gray", 1.0)
     image(axes[0, -1], cells, f"filters of a tile of {cells.shape[0]} pixels", "tab10", 9)
     nanometres = np.asarray(wavelengths) * 1e9
     for index, values in enumerate(filters):

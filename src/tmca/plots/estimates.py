@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import fit_cube, fit_depth_scene, fit_views
+from tmca.data.light_field_scenes import load_light_field
+from tmca.data.scene_names import READING
+from tmca.data.scenes import load_scene
+from tmca.errors import check_shape
 from tmca.plots.cube import reconstruction_figure
 from tmca.plots.depth import depth_figure
 from tmca.plots.light_field import light_field_figure
@@ -17,28 +26,43 @@ if TYPE_CHECKING:
     Scene = xr.DataArray | xr.Dataset
 
 
-def estimate_figure(
-    estimate: xr.Dataset, truth: Scene | None = None, limits: tuple[float, float] | None = None
-) -> Figure:
+def estimate_figure(estimate: xr.Dataset, truth: Any = None, limits: tuple[float, float] | None = None) -> Figure:
     """Composites or views, depth if any, errors and predicted deviation, spectra; of other axes their mean.
 
     Args:
         estimate: as ``Estimate.to_xarray`` labels it; of several snapshots the first, of several slots the mean.
-        truth: the scene, brought to the estimate's bands and size; of a dataset the first variable, or ``radiance`` and
-            ``depth``.
+        truth: the scene, brought to the estimate's bands and size, or the name or file of one, or an array as large as
+            the estimate; of a dataset the first variable, or ``radiance`` and ``depth``.
         limits: nearest and farthest depth, metres, of an estimate with depth.
 
     Raises:
         DataError: a truth of another kind, or a smaller one.
     """
     first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
+    whole: Any = _read(str(truth), first, limits) if isinstance(truth, str | Path) else truth
     if limits is not None:
-        return _with_depth(first, truth, limits)
-    whole: Any = truth
+        return _with_depth(first, whole, limits)
+    if whole is not None and not hasattr(whole, "dims"):
+        check_shape("truth", whole, (..., *first["estimate"].shape))
+        whole = first["estimate"].copy(data=np.asarray(whole).reshape(first["estimate"].shape))
     scene = next(iter(whole.data_vars.values())) if hasattr(whole, "data_vars") else whole
     axes = first["estimate"].dims
     draw = _cube if "wavelength" in axes else _views if "view_v" in axes else _other
     return draw(first, scene)
+
+
+def _read(source: str, estimate: xr.Dataset, limits: tuple[float, float] | None) -> Scene:
+    """A scene by name or file, as the estimate's scene was read where that is noted."""
+    noted = json.loads(estimate.attrs.get(READING, "{}"))
+    how = {name: value for name, value in noted.items() if name not in ("source", "size")}
+    if limits is not None:
+        waves = estimate["wavelength"].values.tolist()
+        how |= {"wavelengths": waves, "near": limits[0], "far": limits[1], "size": _size(estimate["radiance"])}
+        return load_spectral_depth(source, **how)
+    if "view_v" in estimate.sizes:
+        how |= {"views": estimate.sizes["view_v"], "colour": "colour" in estimate.sizes}
+        return load_light_field(source, **how)
+    return load_scene(source, bands=None)
 
 
 def _size(values: xr.DataArray) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from tmca.priors.finding import block_of, find_prior, learn_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
-from tmca.priors.prior import Prior, check_kind, load_prior
+from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
 from tmca.priors.statistics import pooled
 
 __all__ = [
@@ -25,5 +25,6 @@ __all__ = [
     "learn_prior",
     "load_prior",
     "pooled",
+    "prior_kinds",
     "views_of",
 ]

@@ -16,7 +16,7 @@ from tmca.arguments import described
 from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.operators.window_moments import WINDOW, needed_block
 from tmca.priors.learning import PATCH, common_channels, cubes_of, fitting_block, source_of, values_of
-from tmca.priors.prior import Prior, check_kind, load_prior
+from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,7 +77,7 @@ def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress
     """The prior of the rendered training scenes: cached, or learned now."""
     from tmca.data import make_folder
 
-    check_choice("kind", kind, Prior.kinds)
+    check_choice("kind", kind, prior_kinds())
     cls = Prior.kinds[kind]
     if not cls.of_rendered:
         raise SettingError(cls.argument, "none", cls.called, f"learn one with {cls.learned_by}")
@@ -240,7 +240,7 @@ def _examples(scenes: Any) -> list[xr.DataArray]:
 
 def _learner(kind: str, settings: dict[str, Any], views: tuple[int, int] | None) -> type[Prior]:
     """The class of a kind; SettingError for a kind that there is not or not of cubes, or a setting it does not have."""
-    check_choice("kind", kind, Prior.kinds)
+    check_choice("kind", kind, prior_kinds())
     cls = Prior.kinds[kind]
     if cls.of_views and views is None:
         raise SettingError("kind", f"{kind!r} for cubes", "another: it is learned from light fields")

@@ -16,6 +16,7 @@ from torch import Tensor
 from tmca.arguments import described
 from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.plugins import load_plugins
 from tmca.stored_numbers import finite_numbers
 
 if TYPE_CHECKING:
@@ -29,12 +30,12 @@ FORMAT = "tmca prior 1"
 class Prior(ABC):
     """What scene blocks (L, h, w) look like.
 
-    A subclass says what kind it is, and is then learned, found and read from files too; the room's ``__init__`` has to
-    import it. Its class attributes: ``kind``; ``called``, with its article; ``learned_by``, the command that writes its
-    file; ``dimensions`` of the arrays in its file; ``in_files``, its kind as files spell it, where that differs;
-    ``argument``, by which decoders take it; ``of_views``, whether it is of light fields alone; ``of_rendered``, whether
-    that of the rendered scenes is learned where none is given; ``stated``, the model of ``attributes`` in a file;
-    ``version`` of ``learn``, raised when it makes other
+    A subclass says what kind it is, and is then learned, found and read from files too; the package's ``__init__`` has
+    to import it, or an entry point of the group ``tmca.priors`` to name it. Its class attributes: ``kind``; ``called``,
+    with its article; ``learned_by``, the command that writes its file; ``dimensions`` of the arrays in its file;
+    ``in_files``, its kind as files spell it, where that differs; ``argument``, by which decoders take it; ``of_views``,
+    whether it is of light fields alone; ``of_rendered``, whether that of the rendered scenes is learned where none is
+    given; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
     priors of the same scenes; ``settings_of_views``, those of ``learn`` that light fields have otherwise.
     """
 
@@ -54,6 +55,11 @@ class Prior(ABC):
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
         if "kind" in vars(cls):  # a subclass without one is of its parent's
+            before = Prior.kinds.get(cls.kind, cls)
+            if before.__module__ != cls.__module__:
+                where = f"{cls.__module__}.{cls.__qualname__}.kind"
+                raise SettingError(where, f"{cls.kind!r}, which {before.__module__} has", "a kind of its own")
+            cls.in_files = vars(cls).get("in_files", "")
             Prior.kinds[cls.kind] = cls
 
     @property
@@ -161,6 +167,12 @@ class Prior(ABC):
         return prior
 
 
+def prior_kinds() -> dict[str, type[Prior]]:
+    """Every kind of prior by its name, those of other packages included."""
+    load_plugins("tmca.priors")
+    return Prior.kinds
+
+
 def load_prior(path: str | Path, kind: str = "gaussian") -> Prior:
     """Read a prior file of any kind.
 
@@ -174,7 +186,7 @@ def load_prior(path: str | Path, kind: str = "gaussian") -> Prior:
     """
     from tmca.data import read_dataset
 
-    check_choice("kind", kind, Prior.kinds)
+    check_choice("kind", kind, prior_kinds())
     data = read_dataset(path)
     about = attributes_of(_PriorAttributes, data.attrs, path)
     cls = {one.in_files or one.kind: one for one in Prior.kinds.values()}.get(about.kind)
@@ -204,7 +216,7 @@ def _numbers(data: xr.Dataset, name: str, path: str | Path) -> Tensor:
 
 def check_kind(prior: Prior, kind: str) -> None:
     """Raises SettingError unless a prior is of this kind."""
-    check_choice("kind", kind, Prior.kinds)
+    check_choice("kind", kind, prior_kinds())
     wanted = Prior.kinds[kind]
     if not isinstance(prior, wanted):
         found, remedy = getattr(prior, "called", described(prior)), f"learn one with {wanted.learned_by}"

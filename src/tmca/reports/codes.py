@@ -161,7 +161,7 @@ def _described(
         "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
         "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
-        "camera": best.design.camera.kind, "channels": examples.model.block[0],
+        "camera": best.design.camera.kind, "buckets": best.design.camera.buckets, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),
         "best": {**_row(best), "held_out": best.held_out, "gains": best.gains,
@@ -218,6 +218,7 @@ def _training(record: Mapping[str, Any]) -> str:
     camera = {"slots": record["best"]["slots"], "period": record["period"], "learn": "none"}
     if record["best"]["slots"] == 1:
         camera["shutter"] = "open"
+    camera |= {"buckets": record["buckets"]} if record["buckets"] > 1 else {}
     camera |= {"views": round(record["channels"] ** 0.5)} if record["camera"] == "light-field" else {}
     options = " ".join(f"--set camera.{name}={value}" for name, value in camera.items())
     options += f" --set data.bands={record['channels']}" if record["camera"] == "spectral" else ""

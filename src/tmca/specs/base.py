@@ -72,7 +72,7 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
         return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
-    return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the usual")
+    return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the default")
 
 
 def _parts(value: Any) -> Any:

@@ -51,9 +51,11 @@ class CodedSpec(CameraSpec):
     slots: Slots = 8
     "Time slots K within the exposure; those of the patterns where a file is given."
     aperture: str = "random"
-    "Aperture codes: random, static, open, complementary, blue-noise, or a file of patterns."
+    """Aperture codes: random, static, open, one-hot, complementary, blue-noise, s-matrix, balanced, or a file of
+    patterns."""
     shutter: str = "random"
-    "Shutter codes: random, open, one-hot, complementary, balanced, blue-noise, burst, or a file of patterns."
+    """Shutter codes: random, static, open, one-hot, complementary, blue-noise, s-matrix, balanced, burst, or a file of
+    patterns."""
     buckets: Buckets = 1
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     preset: str | None = None
@@ -122,7 +124,7 @@ class SpectralDepthSpec(CameraSpec):
     mask: str | None = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
     shutter: str | None = None
-    "Shutter codes: random, open, one-hot, complementary, balanced, blue-noise or burst."
+    "Shutter codes: random, static, open, one-hot, complementary, blue-noise, s-matrix, balanced or burst."
     buckets: Buckets = 1
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     depth: Distances = (0.4, 2.0)

@@ -87,13 +87,18 @@ def _starting_codes(settings: MaskTrainSettings, shutter_size: Callable[[], tupl
         return {"shutter": pattern("one-hot", camera.slots, size, camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
         raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
-    planes, period, disperser = _stored_codes(start)
+    planes, about = _stored_codes(start)
+    period, disperser, buckets = about["period"], about.get("disperser"), about.get("buckets", 1)
     if _pair(period) != _pair(camera.period) or disperser not in (None, getattr(camera, "disperser", None)):
         raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
     slots = len(planes["aperture"])
     if slots not in (1, camera.slots):
         raise DataError(start, f"{slots} slots", f"1 or {camera.slots}", "set camera.slots")
-    return {name: plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()}
+    if buckets != camera.buckets:
+        raise DataError(start, f"codes of {buckets} buckets", f"{camera.buckets}", f"set camera.buckets={buckets}")
+    return {
+        name: plane if plane.ndim == 4 else plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()
+    }
 
 
 def _pair(period: Any) -> tuple[int, int] | None:
@@ -103,11 +108,11 @@ def _pair(period: Any) -> tuple[int, int] | None:
     return (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
 
 
-def _stored_codes(start: str) -> tuple[dict[str, Tensor], Any, str | None]:
-    """Planes, period and disperser (None where the file does not say) of weights, or of a file of `tmca design`."""
+def _stored_codes(start: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Planes of weights or of a file of `tmca design`, and what it says: period, disperser and buckets if it does."""
     if Path(start).suffix == ".nc":
         stored = read_codes(start).settings()
-        return {name: stored[name] for name in ("aperture", "shutter")}, stored["period"], None
+        return {name: stored.pop(name) for name in ("aperture", "shutter")}, stored
     weights = Weights.load(start)
     planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
-    return planes, weights.period, weights.variables.attrs.get("disperser")
+    return planes, {**weights.variables.attrs, "period": weights.period}

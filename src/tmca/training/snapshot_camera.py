@@ -33,6 +33,7 @@ def training_of(path: str | Path) -> tuple[dict[str, Any], Callable[[str], xr.Da
         "camera.size": list(camera.size), "camera.slots": camera.slots, "camera.exposure": camera.exposure,
         "camera.dispersion": list(camera.dispersion.displacement), "camera.disperser": camera.disperser,
         "camera.response": camera.response.tolist(), "camera.learn": "none",
+        "camera.buckets": camera.buckets,
         "camera.period": list(aperture.period) if aperture.period else None, "codes.start": str(path),
         "noise": [{"read_noise": camera.sensor.read_noise, "full_well": camera.sensor.full_well,
                    "read_noise_electrons": camera.sensor.read_noise_electrons, "bits": camera.sensor.bits}],

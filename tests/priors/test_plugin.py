@@ -1,0 +1,56 @@
+"""A prior in a package of its own, as CONTRIBUTING.md shows it: every command knows it."""
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.plugin_packages import install
+from tmca import SpectralCamera, read
+from tmca.cli import main
+from tmca.plugins import BrokenPlugin, load_plugins
+from tmca.priors import Prior, learn_prior, load_prior, prior_kinds
+
+SOURCE = re.search(r"```python\n# my_package/flat_prior.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    monkeypatch.setattr(Prior, "kinds", dict(Prior.kinds))
+    monkeypatch.chdir(tmp_path)
+    yield lambda source: install(tmp_path, monkeypatch, "tmca.priors", "flat_prior", source)
+    sys.modules.pop("flat_prior", None)
+    monkeypatch.undo()
+    load_plugins.cache_clear()
+
+
+def test_it_is_learned_read_and_reconstructs(installed, capsys):
+    installed(SOURCE)
+    scene = read("coffee", bands=3, size=(32, 40))
+    learned = learn_prior([scene], SpectralCamera(bands=3), "flat", block=(4, 10))
+    learned.save("flat.nc")
+    Prior.kinds.pop("flat")  # as in another process
+    sys.modules.pop("flat_prior")
+    load_plugins.cache_clear()
+    assert load_prior("flat.nc").kind == "flat"
+    main(["inspect", "flat.nc"])
+    assert "flat prior of scene blocks" in capsys.readouterr().out
+    main(["prior", "show", "flat.nc"])
+    main(["prior", "expect", "flat.nc", "--slots", "2", "--read-noise", "0.01"])
+    assert "expected PSNR" in capsys.readouterr().out
+    main(["simulate", "spectral", "coffee", "--bands", "3", "--crop", "24x24", "--no-figures", "--out", "s.nc"])
+    main(["reconstruct", "s.nc", "--prior", "flat.nc", "--no-figures", "--out", "e.nc", "--json"])
+    assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
+
+
+@pytest.mark.parametrize(("source", "reason"), [
+    ("import a_package_that_is_not_there\n", "a_package_that_is_not_there"),
+    (SOURCE.replace('"flat", "a flat', '"gaussian", "a flat'), "'gaussian', which tmca.priors.gaussian has"),
+])  # fmt: skip
+def test_one_that_cannot_be_loaded_is_warned_of_and_left_out(installed, source, reason):
+    installed(source)
+    before = dict(Prior.kinds)
+    with pytest.warns(BrokenPlugin, match=reason):
+        assert prior_kinds() == before
