@@ -15,15 +15,17 @@ from tmca.optics.phase import pixel_places
 
 Mode = tuple[int, int]
 """(n, m): radial order and azimuthal frequency, negative for the sine."""
+_MOST = 10_000
+"""No mask has modes of larger Noll indices: they are finer than its pixels."""
 
 
 def noll(index: int) -> Mode:
     """(n, m) of a Noll index, 1 for piston. Source: Noll, J. Opt. Soc. Am. 66, 207 (1976).
 
     Raises:
-        SettingError: an index below 1.
+        SettingError: an index below 1, or beyond any mask.
     """
-    check_range("Noll index", index, 1, whole=True)
+    check_range("Noll index", index, 1, _MOST, whole=True)
     n = (isqrt(8 * index - 7) - 1) // 2
     place = index - n * (n + 1) // 2 - 1
     m = place + (place + n) % 2

@@ -138,7 +138,7 @@ class ShownCodes:
         # the shutter of other devices than a coded exposure is laid on the frames afterwards
         planes = {about["plane"]: (device_of(about, export), about) for about in self.manifest["planes"]}
         self.placed = {
-            plane: (device, placement_of(about))
+            plane: (device, placement_of(about, export))
             for plane, (device, about) in planes.items()
             if plane == "aperture" or device.kind == "coded-exposure"
         }

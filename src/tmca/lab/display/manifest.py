@@ -215,19 +215,27 @@ def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
     return device if device.lut is None else device.model_copy(update={"lut": str(Path(folder) / device.lut)})
 
 
-def placement_of(about: dict[str, Any]) -> Placement:
-    """How the codes of a plane lie on its device."""
-    stored = dict(about["placement"])
-    pairs = {name: tuple(stored[name]) for name in ("code", "device", "flip", "offset")}
-    affine = stored.get("affine")
-    turned = None if affine is None else (tuple(affine[0]), tuple(affine[1]))
-    return Placement(**{**stored, **pairs, "affine": turned})
+def placement_of(about: dict[str, Any], folder: str | Path) -> Placement:
+    """How the codes of a plane lie on its device.
+
+    Raises:
+        DataError: the manifest does not say.
+    """
+    try:
+        stored = dict(about["placement"])
+        pairs = {name: tuple(stored[name]) for name in ("code", "device", "flip", "offset")}
+        affine = stored.get("affine")
+        turned = None if affine is None else (tuple(affine[0]), tuple(affine[1]))
+        return Placement(**{**stored, **pairs, "affine": turned})
+    except (KeyError, IndexError, TypeError) as error:
+        found = f"a placement that is none ({type(error).__name__}: {error})"
+        raise DataError(folder, found, "the manifest of an export", "export again") from error
 
 
 def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:
     frames = np.stack([read_frame(folder / frame["file"]) for frame in about["frames"]])
     try:
-        levels = placement_of(about).read_back(frames, f"{folder}: {about['plane']}")
+        levels = placement_of(about, folder).read_back(frames, f"{folder}: {about['plane']}")
     except SettingError as error:
         raise DataError(folder, f"a placement of {error.found}", error.expected, "export again") from error
     if device.buckets > 1:
