@@ -205,7 +205,7 @@ def _read_manifest(path: Path) -> Any:
 
     manifest = read_manifest(path.parent)
     devices = [device_of(plane, path).model_dump() for plane in manifest["planes"]]
-    placed = [vars(placement_of(plane)) for plane in manifest["planes"]]
+    placed = [vars(placement_of(plane, path)) for plane in manifest["planes"]]
     return shown_digest(manifest), exposed_whole(manifest), frame_time(manifest), devices, placed
 
 

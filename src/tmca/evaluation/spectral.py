@@ -79,7 +79,10 @@ class SpectralEvaluation(CameraEvaluation):
         return {"extent": camera.dispersion.extent}
 
     def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
-        """See ``CameraEvaluation``: the expected error of codes that are not learned, where the LMMSE is asked for."""
+        """See ``CameraEvaluation``: the expected error of codes that are not learned, where the LMMSE is asked for and
+        scenes stand still."""
+        if study.motion is not None:
+            return []
         scenes = {"train": [*lists.train], "test": [*lists.test]}
         about = {"prior": lists.priors.get("gaussian"), **scenes, "reading": study.reading, "patches": study.patches,
                  "identities": [identity_of(name) for part in scenes.values() for name in part]}  # fmt: skip
