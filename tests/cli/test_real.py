@@ -133,7 +133,7 @@ def test_frames_behind_a_pixel_shutter(capsys, wine, decoder):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("3", "a divisor of the 4 slots"), ("2 --decoder dream", "--decoder: found 'dream'"),
+        ("3", "a divisor or a multiple of the 4 slots"), ("2 --decoder dream", "--decoder: found 'dream'"),
         ("2 --decoder kriging --threshold=0.1", "--threshold: found 0.1 for kriging"),
         ("2 --decoder kriging --lifetime=inf", "found inf, expected above 0"),
         ("2 --decoder kriging --changing=1.5", "expected 0 to 1"),

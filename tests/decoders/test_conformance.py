@@ -167,8 +167,9 @@ def test_priors_and_names_that_are_of_no_use_are_refused():
 
 
 def test_moving_decoders_stand_apart():
-    assert {"kriging", "space-time-dct"} == set(decoders_for("spectral", moving=True))
-    assert not {"kriging", "space-time-dct"} & set(decoders_for("spectral"))
+    moving = {"kriging", "space-time-dct", "space-time-lmmse"}
+    assert moving == set(decoders_for("spectral", moving=True))
+    assert not moving & set(decoders_for("spectral"))
 
 
 def test_the_names_of_version_0_1_still_decode():

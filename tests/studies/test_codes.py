@@ -21,7 +21,7 @@ from tmca.errors import OutputError, SettingError
 
 pytestmark = pytest.mark.slow
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
-SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(1, 3, 10), "test_slots": 2}
+SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 
 
