@@ -47,9 +47,7 @@ def rays_figure(camera: LightFieldCamera) -> Figure:
 def phase_codes_figure(camera: SpectralDepthCamera) -> Figure:
     """Height maps and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
     with torch.no_grad():
-        shown = camera.shutter()[None]
-        if camera.buckets > 1:
-            shown = bucket_shutters(shown[0], camera.slots, camera.buckets)
+        shown = bucket_shutters(camera.shutter(), camera.slots, camera.buckets)
         parts = (camera.codes.optics.heights(), shown, camera.filters.cells(), camera.filters.filters, camera.response)
         heights, shutter, cells, filters, response = (part.cpu().numpy() for part in parts)
     return codes.phase_codes_figure(heights, shutter, cells, filters, response, camera.wavelengths)

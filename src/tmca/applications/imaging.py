@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from tmca.applications.base import APPLICATIONS, Application, application_of, noted_reading
-from tmca.applications.moving import FRAMES, MOTION, frames_of, mean_of, moved_by
+from tmca.applications.moving import FRAMES, MOTION, frame_pairs, mean_of, moved_by
 from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
@@ -194,7 +194,12 @@ def evaluation_of(
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)
     warn_of_estimate(parts["values"], where)
-    metrics = _metrics(application, camera, parts, scene, moved_by(stored.attrs, where), _frames(stored, frames))
+    moved, count = moved_by(stored.attrs, where), _frames(stored, frames)
+    if count is None:
+        metrics = application.metrics(parts, scene, camera)
+    else:
+        pairs = frame_pairs(stored, scene, moved, count)
+        metrics = mean_of([application.metrics(_parts(one), true, camera) for one, true in pairs])
     return Evaluation(application, camera, stored, scene, metrics)
 
 
@@ -203,23 +208,9 @@ def _frames(stored: xr.Dataset, asked: int | None) -> int | None:
     own = stored.sizes.get(FRAMES)
     if own is not None and asked not in (None, own):
         raise SettingError("frames", str(asked), f"{own}, those of the estimate", "leave it out")
+    if asked is not None and "depth" in stored:
+        raise SettingError("frames", str(asked), "none of an estimate with depth", "leave it out")
     return asked if own is None else own
-
-
-def _metrics(
-    application: Application, camera: Any, parts: dict[str, np.ndarray], scene: Any, moved: tuple[float, float],
-    frames: int | None,
-) -> dict[str, float]:  # fmt: skip
-    """Figures of merit of an estimate, or their means over its frames."""
-    if frames is None:
-        return application.metrics(parts, scene, camera)
-    if "depth" in parts:
-        raise SettingError("frames", str(frames), "none of an estimate with depth", "leave it out")
-    values = parts["values"]
-    several = values.ndim > 1 + len(scene.shape)
-    each = [values[:, one] if several else values for one in range(frames)]
-    truths = frames_of(scene, moved, frames)
-    return mean_of([application.metrics({"values": v}, t, camera) for v, t in zip(each, truths, strict=True)])
 
 
 def application_for(estimate: xr.Dataset | str | Path) -> Application:

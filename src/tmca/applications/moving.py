@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -23,9 +23,7 @@ FRAMES = "slot"
 _FARTHEST = 1e6
 
 
-def frames_of(
-    scene: xr.DataArray, displacement: tuple[float, float], frames: int, *, whole: bool = True
-) -> list[xr.DataArray]:
+def frames_of(scene: Any, displacement: tuple[float, float], frames: int, *, whole: bool = True) -> list[xr.DataArray]:
     """A labelled scene in every one of some frames of equal length, the mean of what passes during it.
 
     Args:
@@ -39,6 +37,15 @@ def frames_of(
     move = moving_scene if whole else moving_object
     moved = move(values.flatten(0, -3), displacement, frames).unflatten(1, values.shape[:-2])
     return [scene.copy(data=one.numpy()) for one in moved]
+
+
+def frame_pairs(
+    estimate: xr.Dataset, truth: Any, displacement: tuple[float, float], frames: int, *, whole: bool = True
+) -> Iterator[tuple[xr.Dataset, xr.DataArray]]:
+    """An estimate, that of the time if it has frames, and the truth in every one of some frames; see `frames_of`."""
+    own = estimate.sizes.get(FRAMES)
+    for number, true in enumerate(frames_of(truth, displacement, frames, whole=whole)):
+        yield estimate if own is None else estimate.isel({FRAMES: number * own // frames}), true
 
 
 def moved_by(notes: Mapping[str, Any], where: str = "notes") -> tuple[float, float]:

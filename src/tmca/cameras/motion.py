@@ -42,8 +42,7 @@ def moving_scene(scene: Tensor, displacement: tuple[float, float], slots: int) -
             image = image + share * edged[:, down - row : down - row + height, across - column :][..., :width]
         return image
 
-    edges = [slot / slots - 0.5 for slot in range(slots + 1)]
-    return torch.stack([seen(places_passed(displacement, *times)) for times in pairwise(edges)])
+    return torch.stack([seen(places) for places in places_passed(displacement, slots)])
 
 
 def moving_object(scene: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:
@@ -70,14 +69,21 @@ def moving_scenes(scenes: Tensor, displacement: tuple[float, float], slots: int)
     return torch.stack(moved).unflatten(2, scenes.shape[1:-2])
 
 
-def places_passed(displacement: tuple[float, float], start: float, end: float) -> dict[tuple[int, int], float]:
-    """Displacements by whole pixels (rows, columns), and how much of the time between two times each has.
-
-    Between whole pixels, bilinear shares are quadratic in time: two points integrate them exactly.
+def places_passed(displacement: tuple[float, float], slots: int) -> list[dict[tuple[int, int], float]]:
+    """Displacements by whole pixels (rows, columns) in every slot, and how much of its time each has.
 
     Args:
         displacement: rows and columns from the beginning to the end of the exposure, pixels.
-        start, end: times as shares of the exposure, 0 in its middle.
+        slots: K of equal length in the exposure.
+    """
+    edges = [slot / slots - 0.5 for slot in range(slots + 1)]
+    return [_places(displacement, *times) for times in pairwise(edges)]
+
+
+def _places(displacement: tuple[float, float], start: float, end: float) -> dict[tuple[int, int], float]:
+    """The same between two times, shares of the exposure.
+
+    Between whole pixels, bilinear shares are quadratic in time: two points integrate them exactly.
     """
     crossed = {
         pixel / part

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from tmca.applications import simulate
-from tmca.applications.moving import FRAMES, frames_of, mean_of
+from tmca.applications.moving import FRAMES, frame_pairs, frames_of, mean_of
 from tmca.cameras import Hardware
 from tmca.decoders import OtherCodes, decode
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
@@ -161,7 +161,9 @@ class Measurement(Cell):
     def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
         scene = evaluation.scene(self)
         camera = evaluation.camera(self, scene)
-        seen = self._frames(scene, camera.slots) if self.motion else scene
+        seen: Any = scene
+        if self.motion:
+            seen = frames_of(scene, self._displacement(), camera.slots, whole=self.motion["whole"])
         snapshot = simulate(seen, camera, seed=self.seed, hardware=Hardware.of(self.faults))
         given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
         with catch_warnings():
@@ -180,10 +182,6 @@ class Measurement(Cell):
             results["estimate"] = str(write_dataset(middle, folder / f"estimate-{self.key}.nc", overwrite=True))
         return results
 
-    def _frames(self, scene: Any, count: int) -> list[Any]:
-        """The scene in some frames of equal length."""
-        return frames_of(scene, self._displacement(), count, whole=self.motion.get("whole", True))
-
     def _displacement(self) -> tuple[float, float]:
         """Rows and columns within the exposure, pixels: in a direction drawn from seed and scene, or the bench's."""
         if not self.motion:
@@ -197,10 +195,8 @@ class Measurement(Cell):
         count = self.motion.get("frames") or shown.sizes.get(FRAMES)
         if count is None:
             return evaluation.measured(self, shown, truth)
-        own = shown.sizes.get(FRAMES)
-        each = [shown if own is None else shown.isel({FRAMES: g * own // count}) for g in range(count)]
-        frames = zip(each, self._frames(truth, count), strict=True)
-        return {"metrics": mean_of([evaluation.measured(self, *frame)["metrics"] for frame in frames])}
+        pairs = frame_pairs(shown, truth, self._displacement(), count, whole=self.motion.get("whole", True))
+        return {"metrics": mean_of([evaluation.measured(self, *pair)["metrics"] for pair in pairs])}
 
 
 class Check(Cell):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from math import ceil, prod
 from typing import Any
 
@@ -89,8 +88,7 @@ def _seen(frames: int, displacement: tuple[float, float], motion: float) -> Tens
     """(G, r+1, r+1) shares of the displacements by whole pixels that each frame of one motion sees."""
     half = reach_of(motion) // 2
     shares = torch.zeros(frames, 2 * half + 1, 2 * half + 1, dtype=torch.float64)
-    edges = [frame / frames - 0.5 for frame in range(frames + 1)]
-    for frame, times in enumerate(pairwise(edges)):
-        for (row, column), share in places_passed(displacement, *times).items():
+    for frame, places in enumerate(places_passed(displacement, frames)):
+        for (row, column), share in places.items():
             shares[frame, half + row, half + column] += share
     return shares
