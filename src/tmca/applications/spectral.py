@@ -160,8 +160,10 @@ class SpectralApplication(Application):
         from tmca.data.formats.opening import open_contents
 
         with open_contents(path) as contents:
-            if "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims:
-                return _with_wavelengths(super().stored(path), path)
+            noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
+            in_frames = "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims
+        if in_frames:
+            return _with_wavelengths(super().stored(path), path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
             cube = read(path, negative=negative)
@@ -171,8 +173,6 @@ class SpectralApplication(Application):
             cube = read(path, wavelengths=reading["wavelengths"], negative=negative)
         if cube.attrs.get("scale_from") == "maximum":  # an estimate may be above 1
             cube = cube * cube.attrs["scale"]
-        with open_contents(path) as contents:
-            noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
         return cube.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:

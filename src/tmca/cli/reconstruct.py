@@ -43,8 +43,8 @@ def reconstruct(
         decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
             dagger, network, …; space-time-lmmse for scenes that move; of a spectral snapshot also lmmse-adapted (its
             prior refitted to the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a
-            spectral-depth snapshot likelihood: depth
-            and spectrum by the likelihood of every plane under a patch prior; or network.
+            spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch prior;
+            or network.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
         weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
