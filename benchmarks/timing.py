@@ -11,9 +11,18 @@ def milliseconds(task: Callable[[], object], repeats: int) -> float:
     """CPU time of a task, median after three rounds to warm up."""
     for _ in range(3):
         task()
-    times = []
-    for _ in range(repeats):
-        start = time.process_time_ns()
-        task()
-        times.append((time.process_time_ns() - start) / 1e6)
-    return statistics.median(times)
+    return statistics.median(once(task) for _ in range(repeats))
+
+
+def times_as_long(task: Callable[[], object], other: Callable[[], object], repeats: int) -> float:
+    """CPU time of a task over that of another, median over pairs one after the other, so that both see one machine."""
+    for _ in range(3):
+        task(), other()
+    return statistics.median(once(task) / once(other) for _ in range(repeats))
+
+
+def once(task: Callable[[], object]) -> float:
+    """CPU time of one run, milliseconds."""
+    start = time.process_time_ns()
+    task()
+    return (time.process_time_ns() - start) / 1e6
