@@ -113,3 +113,22 @@ def test_the_study_of_the_docs_runs(tmp_path, monkeypatch, capsys):
     page = capsys.readouterr().out
     assert page == (tmp_path / "results" / "mine.md").read_text()
     assert "one-hot K = 4" in page
+
+
+DESIGNED = {"codes": {"two": {"camera": {"buckets": 2}, "search": {"kind": "two-bucket", "slots": 2}}}, "seeds": 1}
+
+
+def test_codes_of_two_buckets_are_searched_in_a_tile_given_by_one_side(tmp_path, monkeypatch, capsys):
+    """Scenes to learn from are the rendered ones; the searched codes are measured."""
+    monkeypatch.chdir(tmp_path)
+    own = {"settings": {"period": 8}, "search": {"effort": {"descents": 1, "steps": 1, "flips": 0}}}
+    scenes = {"train": ["astronaut", "rocket"], "test": ["coffee"]}
+    reading = {"bands": 2, "size": [32, 40]}
+    main(["study", str(written(tmp_path, **DESIGNED, **own, scenes=scenes, reading=reading)), "--json"])
+    (row,) = [r for r in json.loads(capsys.readouterr().out)["rows"] if r["decoder"] == "dagger"]
+    assert row["psnr"] > 10
+
+
+def test_a_search_without_a_tile_is_refused(tmp_path, capsys):
+    about = written(tmp_path, **DESIGNED, scenes={"train": ["astronaut", "rocket"], "test": ["coffee"]})
+    assert "settings.period" in refused(capsys, "study", str(about), "--out", str(tmp_path), lines=None)

@@ -5,7 +5,7 @@ from tmca.codes.files import CodesFile, read_codes, write_codes
 from tmca.codes.imperfect import Outside, leaked, misplaced, slot_overlap, through_time
 from tmca.codes.multiplexed import Codes, MultiplexedCodes, fitted_codes
 from tmca.codes.patterns import FAMILIES, balanced_choice, blue_noise_ranks, one_hot_planes, pattern
-from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots, shutter_plane
+from tmca.codes.plane import CodePlane, check_shares, hard_threshold, one_hot_slots, shutter_plane, tile_of
 
 __all__ = [
     "BURST",
@@ -30,5 +30,6 @@ __all__ = [
     "shutter_plane",
     "slot_overlap",
     "through_time",
+    "tile_of",
     "write_codes",
 ]

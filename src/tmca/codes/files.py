@@ -13,6 +13,7 @@ from pydantic import AfterValidator, Field, Json
 from torch import Tensor
 
 from tmca.attributes import REMEDY, Attributes, attributes_of
+from tmca.codes.plane import tile_of
 from tmca.errors import DataError, SettingError
 from tmca.stored_numbers import finite_numbers
 
@@ -160,5 +161,4 @@ def read_codes(path: str | Path) -> CodesFile:
     for name, plane in (("aperture", aperture), ("shutter", shutter)):
         if not bool(((plane >= 0) & (plane <= 1)).all()):
             raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)
-    period = (about.period, about.period) if isinstance(about.period, int) else about.period or None
-    return CodesFile(aperture, shutter, period, about.buckets)
+    return CodesFile(aperture, shutter, tile_of(about.period or None), about.buckets)

@@ -12,7 +12,7 @@ from tmca.arguments import Count, Float, Seed, Share, checked
 from tmca.arguments import Size as Sides
 from tmca.codes.arrays import Array
 from tmca.codes.buckets import check_patterns, plane_patterns
-from tmca.codes.plane import CodePlane
+from tmca.codes.plane import CodePlane, tile_of
 from tmca.errors import SettingError, ShapeError
 
 Size = tuple[int, int]
@@ -56,8 +56,7 @@ class Codes:
         if self.learnable not in (True, False, "aperture", "shutter"):
             raise SettingError("learnable", repr(self.learnable), "True, False, 'aperture' or 'shutter'")
         how: dict[str, Any] = {"period": self.period, "jitter": self.jitter}
-        tile = (self.period, self.period) if isinstance(self.period, int) else self.period or shutter
-        collected, count = plane_patterns(self.shutter, slots, buckets, tile)
+        collected, count = plane_patterns(self.shutter, slots, buckets, tile_of(self.period) or shutter)
         planes = (
             CodePlane(
                 self.aperture, slots, aperture, density=self.transmittance, seed=2 * self.seed,

@@ -6,6 +6,7 @@ Hard binary codes have a smooth derivative, so that devices show what training o
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from math import ceil
 from typing import Any
 
@@ -101,7 +102,7 @@ class CodePlane(nn.Module):
     ) -> None:
         super().__init__()
         self.name, self.slots, self.size, self.slope, self.relaxed = name, slots, size, float(slope), False
-        self.period = _tile(period)
+        self.period = tile_of(period)
         self.family = patterns if isinstance(patterns, str) else "own"
         tile = self.period or size
         if isinstance(patterns, str):
@@ -233,7 +234,12 @@ def shutter_plane(
     return plane
 
 
-def _tile(period: int | tuple[int, int] | None) -> tuple[int, int] | None:
+def tile_of(period: int | Sequence[int] | None) -> tuple[int, int] | None:
+    """(rows, columns) of a period that may be given by one side; None of a full frame.
+
+    Raises:
+        SettingError: a side below 1.
+    """
     if period is None:
         return None
     tile = (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))

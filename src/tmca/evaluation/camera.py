@@ -236,7 +236,7 @@ class CameraEvaluation:
     def search_settings(self, study: Study, code: Code, lists: Lists) -> Settings:
         """Settings of a search."""
         assert code.search is not None
-        period = study.search.get("period") or study.settings["period"]
+        period = list(study.tile())
         about = {"kind": code.search.kind, "slots": code.search.slots, "period": period}
         return {**about, **self.searching(study.reading), "effort": study.search["effort"],
                 "examples": lists.priors[EXAMPLES], "gains": True}  # fmt: skip

@@ -135,7 +135,7 @@ class LightFieldEvaluation(CameraEvaluation):
 
     def training_camera(self, study: Study) -> Settings:
         """See ``CameraEvaluation``: whole tiles of codes, at least as large as a patch."""
-        patch, period = study.train.settings["data"]["patch"], study.settings["period"]
+        patch, period = study.train.settings["data"]["patch"], study.tile()
         return {"views": study.reading["views"], "size": [-(-patch // side) * side for side in period]}
 
     def training_scenes(

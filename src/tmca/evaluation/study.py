@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.applications import application_of
+from tmca.codes import tile_of
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
 from tmca.errors import SettingError, TmcaError, check_choice
@@ -234,6 +235,13 @@ class Study(Strict):
     decoder_pairs: tuple[tuple[str, str], ...] = ()
     bases: dict[str, tuple[str, ...]] = {}
     published: PublishedTable | None = None
+
+    def tile(self) -> tuple[int, int]:
+        """(rows, columns) of the period of searched and learned codes; a search may have one of its own."""
+        tile = tile_of(self.search.get("period") or self.settings.get("period"))
+        if tile is None:
+            raise SettingError("settings.period", "none", "the tile of searched and learned codes, pixels")
+        return tile
 
     @model_validator(mode="after")
     def _names(self) -> Study:

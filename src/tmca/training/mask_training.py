@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from tmca.codes import pattern, read_codes
+from tmca.codes import pattern, read_codes, tile_of
 from tmca.decoders import Network, Weights, build_network
 from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import DataError, SettingError
@@ -83,13 +83,13 @@ def _starting_codes(settings: MaskTrainSettings, shutter_size: Callable[[], tupl
     if start == "random":
         return {}
     if start == "one-hot":
-        size = _pair(camera.period) or shutter_size()
+        size = tile_of(camera.period) or shutter_size()
         return {"shutter": pattern("one-hot", camera.slots, size, camera.duty, 2 * camera.seed + 1)}
     if not Path(start).exists():
         raise SettingError("codes.start", repr(start), "'random', 'one-hot', a weights or codes file", "check the path")
     planes, about = _stored_codes(start)
     period, disperser, buckets = about["period"], about.get("disperser"), about.get("buckets", 1)
-    if _pair(period) != _pair(camera.period) or disperser not in (None, getattr(camera, "disperser", None)):
+    if tile_of(period) != tile_of(camera.period) or disperser not in (None, getattr(camera, "disperser", None)):
         raise DataError(start, f"codes of period {period}", f"period {camera.period}", "set camera.period")
     slots = len(planes["aperture"])
     if slots not in (1, camera.slots):
@@ -99,13 +99,6 @@ def _starting_codes(settings: MaskTrainSettings, shutter_size: Callable[[], tupl
     return {
         name: plane if plane.ndim == 4 else plane.expand(camera.slots, -1, -1).clone() for name, plane in planes.items()
     }
-
-
-def _pair(period: Any) -> tuple[int, int] | None:
-    """(rows, columns) of a period."""
-    if period is None:
-        return None
-    return (period, period) if isinstance(period, int) else (int(period[0]), int(period[1]))
 
 
 def _stored_codes(start: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
