@@ -6,6 +6,8 @@ import pytest
 import torch
 
 from tests.operators.test_window_moments import BENCH, prior_of
+from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.phase_codes import read_phase_codes, write_phase_codes
 from tmca.design import MaskAdvice, MaskEffort, MaskTask, search_masks
 from tmca.design.spectral_depth import confusion, drawn_error
 from tmca.errors import SettingError, ShapeError
@@ -113,3 +115,15 @@ def test_a_judge_chooses_among_descents_and_random_masks():
 def test_what_cannot_be_searched_is_refused(made, error):
     with pytest.raises(error):
         made()
+
+
+@pytest.mark.parametrize("shutter", ["balanced", "burst"])
+def test_masks_are_searched_for_two_buckets_that_lose_no_light(shutter, tmp_path):
+    task = replace(TASK, camera={**TASK.camera, "buckets": 2}, shutter=shutter)
+    static, two = search_masks(task, PRIOR, [2], MaskEffort(1, 3)).candidates
+    assert two.confusion < float(confusion(two.random_covariance))
+    assert static.camera.buckets == two.camera.buckets == 2
+    file = write_phase_codes(two.camera, tmp_path / "codes.nc", "clear", "monochrome")
+    again = SpectralDepthCamera(bands=CAMERA["bands"], size=(8, 8), **read_phase_codes(file))
+    for own, read in zip(two.camera.tile(), again.tile(), strict=True):
+        torch.testing.assert_close(own, read)

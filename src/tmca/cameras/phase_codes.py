@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from tmca.attributes import attributes_of
 from tmca.cameras.spectral_depth import SpectralDepthCamera, phase_settings
@@ -16,10 +18,11 @@ from tmca.optics import PhaseAttributes
 
 
 class PhaseCodesAttributes(PhaseAttributes):
-    """What the file says: filters and channels by their names."""
+    """What the file says: filters and channels by their names, buckets of a sensor pixel."""
 
     filters: str
     channels: str
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
 
 
 def write_phase_codes(
@@ -50,7 +53,8 @@ def write_phase_codes(
     said = {
         name: stored.attrs[name] for name in ("bench", "depth", "exposure", "energy", "stroke") if name in stored.attrs
     }
-    dataset.attrs = {**(notes or {}), **said, "filters": filters, "channels": channels}
+    buckets = {"buckets": camera.buckets} if camera.buckets > 1 else {}
+    dataset.attrs = {**(notes or {}), **said, "filters": filters, "channels": channels, **buckets}
     return write_dataset(dataset, path, overwrite=overwrite)
 
 
@@ -67,11 +71,13 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
     remedy = "write codes with `tmca design spectral-depth`"
     stated = attributes_of(PhaseCodesAttributes, dataset.attrs, path)
     heights, shutter, cells = (dataset[name].shape for name in ("heights", "shutter", "cells"))
-    if (len(heights), len(shutter)) != (3, 3) or shutter != (heights[0], *cells):
+    shown = (heights[0], *cells)
+    if len(heights) != 3 or shutter not in (shown, (stated.buckets, *shown)):
         found = f"heights {heights}, shutter {shutter}, cells {cells}"
         raise DataError(path, found, "(K, rows, columns) of maps, (K, Q, Q) and (Q, Q) of a tile", remedy)
     try:
         settings = phase_settings(dataset, str(path), stated)
     except (IndexError, TypeError, ValueError) as error:
         raise DataError(path, f"masks, bench or depth that are none ({error})", "those of a camera", remedy) from error
-    return {**settings, "filters": stated.filters, "channels": stated.channels, "exposure": stated.exposure}
+    buckets = {"buckets": stated.buckets} if stated.buckets > 1 else {}
+    return {**settings, **buckets, **{name: getattr(stated, name) for name in ("filters", "channels", "exposure")}}

@@ -81,6 +81,7 @@ def searched_masks(
     planes, prior = probe.planes, GaussianPrior.load(own["prior"])
     given = {"bands": probe.wavelengths, "depth": (planes.near, planes.far), "planes": planes.count}
     given |= {"filters": camera["filters"], "channels": "rgb", "period": probe.period, "sensor": probe.sensor}
+    given["buckets"] = probe.buckets
     family = camera.get("mask", "zernike")
     task = MaskTask(probe.bench, given, camera["shutter"], family, window=own["searched"], seed=cell["seed"])
     judge = judge_on(examples, prior, own["window"])
