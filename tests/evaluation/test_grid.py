@@ -140,3 +140,13 @@ def test_a_damaged_cell_is_computed_again(tmp_path, damage):
 
 def _number(cell):
     return {"value": cell["seed"] + 10}
+
+
+def test_what_a_killed_process_left_is_deleted_though_all_cells_are_there(tmp_path):
+    left = [tmp_path / ".1.json.0123456789ab.tmp", tmp_path / "designs" / ".a.nc.0123456789ab.tmp"]
+    run_cells(CELLS, square, tmp_path)
+    for folder in left:
+        folder.mkdir(parents=True)
+        (folder / ".lock").touch()
+    run_cells(CELLS, square, tmp_path)
+    assert not any(folder.exists() for folder in left)

@@ -118,6 +118,14 @@ def sweep(folder: Path) -> None:
                 _remove(left)
 
 
+def sweep_all(folder: Path) -> None:
+    """Sweep a folder and the folders in it."""
+    sweep(folder)
+    for place in folder.iterdir():
+        if place.is_dir() and not place.name.startswith("."):
+            sweep(place)
+
+
 def _place(temporary: Path, path: Path, overwrite: bool) -> None:
     """Rename to where it belongs; an old folder changes places with the new one."""
     if path.is_dir() and not temporary.is_dir():

@@ -23,6 +23,7 @@ from pydantic import BaseModel
 import tmca
 from tmca.attributes import NamedJson, read_json
 from tmca.data import make_folder, write_json, write_text
+from tmca.data.atomic import sweep_all
 from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError, TmcaError
@@ -165,6 +166,7 @@ def run_cells(
             traceback.
     """
     place = make_folder(folder)
+    sweep_all(place)  # of one that was killed behind its last cell; nothing else would be written here
     asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
     names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
     files = [place / f"{cell_key(cell)}.json" for cell in asked]

@@ -11,7 +11,7 @@ from typing import Any
 
 from tmca.attributes import NamedJson, read_json
 from tmca.data import held_folder, write_json
-from tmca.data.atomic import sweep
+from tmca.data.atomic import sweep_all
 from tmca.data.locks import LOCK
 from tmca.errors import OutputError, TmcaError
 from tmca.training.checkpoints import latest_checkpoint
@@ -33,10 +33,7 @@ def open_run(folder: Path, settings: RunSettings, lists: SceneLists) -> None:
         DataError: its description cannot be read.
     """
     described = {"settings": settings.model_dump(mode="json"), "scenes": vars(lists)}
-    sweep(folder)
-    for place in folder.iterdir():
-        if place.is_dir() and not place.name.startswith("."):
-            sweep(place)
+    sweep_all(folder)
     about = folder / _ABOUT
     if about.exists() and latest_checkpoint(folder / "checkpoints") is not None:
         _check_same(about, json.loads(json.dumps(described)))
