@@ -139,12 +139,14 @@ class Products:
 
 
 def quadratic(form: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
-    """Half applied (R·m, P, m, T) and wholly applied (P, R·m, R·m) quadratic form (m, T, m, T) of weights (P, R·m, T)."""
+    """Quadratic form (m, T, m, T) of weights (P, R·m, T): half applied (R·m, P, m, T) and wholly (P, R·m, R·m)."""
     measurements, taps = form.shape[:2]
     every = weights.unflatten(1, (-1, measurements))  # (P, R, m, T)
     buckets = every.shape[1]
-    half = torch.bmm(every.permute(2, 1, 0, 3).flatten(1, 2), form.reshape(measurements, taps, -1))
-    half = half.reshape(measurements, buckets, -1, measurements, taps).transpose(0, 1).flatten(0, 1)
+    half = form.new_empty(buckets, measurements, len(weights), measurements * taps)
+    for bucket, part in enumerate(half):
+        torch.bmm(every[:, bucket].transpose(0, 1), form.reshape(measurements, taps, -1), out=part)
+    half = half.flatten(0, 1).unflatten(-1, (measurements, taps))
     return half, torch.einsum("ipjt,prjt->pirj", half, every).flatten(2)
 
 

@@ -49,6 +49,10 @@ class Flip(NamedTuple):
         self.plane.latent[:, *self.place[1:]] = before
 
 
+MOST_TILE = 4e9
+"""Memory for the blocks of one tile, bytes."""
+
+
 def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
     """Memory that flips need for the blocks of one tile, bytes."""
     half = model.measurements**2 // model.buckets * len(model.offsets)
@@ -99,8 +103,8 @@ def flip_greedily(
 class BlockState:
     """One block under its present weights, and what changes of a few of them do, without a new factorisation for each.
 
-    A changed pixel of a code changes the weights of r of the m measurements (of all buckets). Then ``G`` and ``M`` change in r rows and
-    columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
+    A changed pixel of a code changes the weights of r of the m measurements of all buckets. Then ``G`` and ``M``
+    change in r rows and columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
 
     Args:
         error: of such blocks.
