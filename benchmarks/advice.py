@@ -40,7 +40,7 @@ SENSORS = {
     "σ = 0.01": {"read_noise": 0.01},
     "10 000 e⁻, 3 e⁻": {"full_well": 10_000.0, "read_noise_electrons": 3.0},
 }
-BANDS, SURVEY, EFFORT = 12, Effort(1, 40, 0), Effort(2, 80, 0)
+BANDS, EFFORT = 12, Effort(2, 80, 0)
 
 
 def middle(file: Path, size: int) -> xr.DataArray:
@@ -50,14 +50,16 @@ def middle(file: Path, size: int) -> xr.DataArray:
     return cube.isel(y=slice(top, top + size), x=slice(left, left + size))
 
 
-def advised(cubes: Sequence[xr.DataArray], sheet: SensorSheet, slots: Sequence[int], period: int) -> Advice:
+def advised(
+    cubes: Sequence[xr.DataArray], sheet: SensorSheet, slots: Sequence[int], period: int, descents: int
+) -> Advice:
     """The advice for a sensor and example scenes."""
     bands = cubes[0]["wavelength"].values.tolist()
     scenes = {str(number): torch.from_numpy(cube.values.copy()) for number, cube in enumerate(cubes)}
     model = design_model(designable("static", 1, (8, 8), bands=bands).taps())
-    examples = learn_examples(scenes, model, bands)
+    examples, survey = learn_examples(scenes, model, bands), Effort(descents, 40, 0)
     return advise(
-        examples, sheet, slots=slots, period=(period, period), survey=SURVEY, effort=EFFORT, bands=bands
+        examples, sheet, slots=slots, period=(period, period), survey=survey, effort=EFFORT, bands=bands
     )  # fmt: skip
 
 
@@ -96,14 +98,18 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--period", type=int, default=16)
     parser.add_argument("--slots", type=int, nargs="+", default=[2, 4])
+    parser.add_argument(
+        "--descents", type=int, default=1, help="of each search of the survey, the second from random codes"
+    )
+    parser.add_argument("--sensors", nargs="+", choices=SENSORS, default=list(SENSORS))
     how = parser.parse_args()
     listed = read_split(how.design)
     examples = [middle(file, how.size) for file in listed[::2]]
     others = [*listed[1:8:2], *read_split(how.measure)]
     print("measured on", ", ".join(Path(file).stem for file in others), flush=True)
     cubes = [middle(file, how.size) for file in others]
-    for name, sensor in SENSORS.items():
-        advice = advised(examples, SensorSheet(**sensor, buckets=2), how.slots, how.period)
+    for name in how.sensors:
+        advice = advised(examples, SensorSheet(**SENSORS[name], buckets=2), how.slots, how.period, how.descents)
         print(f"\n{name}\n\n| codes | predicted | measured | scene by scene |\n| --- | --- | --- | --- |")
         print("\n".join(rows(advice, examples, cubes)), flush=True)
 

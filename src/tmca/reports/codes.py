@@ -247,7 +247,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
     about = [
         record["advice"],
-        "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
+        "Sensor: " + ", ".join(f"{name} {value:g}" for name, value in sheet.items()) + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(record)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
