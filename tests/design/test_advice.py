@@ -114,6 +114,7 @@ def test_a_burst_is_the_rival_and_never_chosen(examples):
     found = advise(examples, SensorSheet(read_noise=0.02), kinds=["burst"], **how)
     assert (found.chosen, found.multiplex, found.best) == (None, False, found.static)
     assert found.burst.gain > 0
+    assert found.burst.alike
     with pytest.raises(SettingError, match="one bucket"):
         advise(examples, SensorSheet(read_noise=0.02), kinds=["two-bucket"], **how)
 

@@ -7,8 +7,9 @@ import pytest
 from tmca.reports.words import code_advice, mask_advice
 
 
-def design(kind="free", gain=0.5, spread=0.2):
-    return Made(design=Made(slots=4, kind=kind), gain=gain, spread=spread, held_out={"a": 29 + gain, "b": 31 + gain})
+def design(kind="free", gain=0.5, spread=0.2, alike=False):
+    codes, held_out = Made(slots=4, kind=kind), {"a": 29 + gain, "b": 31 + gain}
+    return Made(design=codes, gain=gain, spread=spread, held_out=held_out, alike=alike)
 
 
 def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, **changes):
@@ -41,6 +42,7 @@ def test_codes_are_advised_with_their_gain(advice, said):
          "This sensor with two buckets: 32.5 dB (two-bucket, K = 4); with one bucket: 30.5 dB (free, K = 4); "
          "static: 30.0 dB; a burst of two frames: 31.5 dB. The second bucket gains 2.0 dB, as no light is lost. "
          "The codes gain 1.0 dB over the burst. Trust differences to within ± 0.2 dB"),
+        (codes(one=design(), two=design("two-bucket", 2.5, alike=True), burst=2.5), "codes are a burst themselves"),
         (codes(one=design(), burst=1.5), "The burst is 1.0 dB better: prefer it if the scene stands still"),
         (codes(one=design(), burst=0.45), "The burst is as good where the scene stands still; take the codes"),
         (codes(one=design(), two=design("two-bucket", 0.5), chosen=None, multiplex=False, burst=0.0),

@@ -47,6 +47,12 @@ class Candidate:
         """Standard deviation of a scene's gain, dB; None with one scene."""
         return stdev(self.gains.values()) if len(self.gains) > 1 else None
 
+    @property
+    def alike(self) -> bool:
+        """Whether all pixels have the same shutter: two buckets are then a burst."""
+        shutter = self.design.camera.codes.shutter.tile()
+        return bool((shutter == shutter[:, :1, :1]).all())
+
 
 @dataclass(frozen=True)
 class Advice:

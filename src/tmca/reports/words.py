@@ -59,6 +59,8 @@ def _against_burst(advice: Advice) -> str:
     rival, best = advice.burst, advice.best
     if rival is None:
         return ""
+    if best is advice.two and best.alike:
+        return "These codes are a burst themselves: all pixels change buckets together. Two frames do the same."
     gain, name = best.gain - rival.gain, "codes" if advice.multiplex else "static code"
     if gain >= WORTH_DECIBELS:
         return f"The {name} gain{'' if advice.multiplex else 's'} {gain:.1f} dB over the burst."
