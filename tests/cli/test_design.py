@@ -130,40 +130,30 @@ def test_codes_of_a_light_field_camera_are_designed_and_taken_along(capsys):
         np.testing.assert_array_equal(taken["aperture"][:, :6, :6], codes["aperture"])
 
 
-@pytest.mark.parametrize(("camera", "kind"), [
-    ("spectral", "two-bucket"),
-    pytest.param("spectral", "burst", marks=pytest.mark.slow),
-    pytest.param("light-field", "two-bucket", marks=pytest.mark.slow),
-])  # fmt: skip
-def test_codes_of_two_buckets_are_designed_and_taken_along(camera, kind, capsys, monkeypatch):
+@pytest.mark.parametrize("camera", ["spectral", pytest.param("light-field", marks=pytest.mark.slow)])
+def test_codes_of_two_buckets_are_designed_and_taken_along(camera, capsys):
     scenes, own = (["coffee.nc", "tissue.nc"], ["--bands", "4"])
     if camera == "light-field":
         scenes, own = (["rocket.nc", "retina.nc"], ["--views", "3"])
-    asked = ["--slots", "2", "--period", "4", "--kinds", kind, "--read-noise", "0.02", "--out", "d"]
+    asked = ["--slots", "2", "--period", "4", "--buckets", "2", "--read-noise", "0.02", "--out", "d"]
     found = answer(capsys, "design", camera, *scenes, *own, *asked)
-    assert (found["best"]["codes"], found["buckets"]) == (kind, 2)
+    assert (found["best"]["codes"], found["buckets"], found["sensor"]["buckets"]) == ("two-bucket", 2, 2)
+    assert [row["codes"] for row in found["surveyed"]] == ["static", "burst", "one-hot", "free", "two-bucket"]
+    assert [row["readings"] for row in found["designs"]] == [1, 1, 2, 2]
+    assert "This sensor with two buckets: " in found["advice"]
     page = Path("d/design.html").read_text()
+    assert found["advice"].split(";")[1] in page
     assert page.count("data:image/png") == 2
-    assert len(tifffile.imread("d/shutter.tif")) == (2 if kind == "two-bucket" else 4)
-    main(
-        [
-            "simulate",
-            camera,
-            scenes[0],
-            *own,
-            "--crop",
-            "24x30",
-            "--no-figures",
-            "--codes",
-            "d/codes.nc",
-            "--out",
-            "s.nc",
-        ]
-    )
-    with xr.open_dataset("s.nc") as taken:
-        assert taken["snapshot"].sizes["bucket"] == 2
-    judged = answer(capsys, "design", "judge", "s.nc", "--figure", "judge.png")
+    assert len(tifffile.imread("d/shutter.tif")) == 2
+    take = ["simulate", camera, scenes[0], *own, "--crop", "24x30", "--no-figures"]
+    for name, patterns in (("codes", 2), ("burst", 4)):
+        main([*take, "--codes", f"d/{name}.nc", "--out", f"{name}.nc"])
+        with xr.open_dataset(f"{name}.nc") as taken, xr.open_dataset(f"d/{name}.nc") as codes:
+            assert taken["snapshot"].sizes["bucket"] == 2
+            assert codes["shutter"].size == patterns * 4 * 4
+    judged = answer(capsys, "design", "judge", "codes.nc", "--figure", "judge.png")
     assert judged["throughput"] == pytest.approx(found["best"]["throughput"], abs=0.02)
+    assert judged["buckets"] == 2
     assert "--set camera.slots=2 --set camera.period=4 --set camera.learn=none --set camera.buckets=2" in page
     settings = ["camera={size: [24, 30], period: 4, slots: 2, buckets: 2}", "codes.start=d/codes.nc", "data.patch=16"]
     settings += ["decoder={kind: unet, widths: [4], blocks: 1}", "data.bands=4"]
@@ -193,10 +183,32 @@ def test_codes_files_that_do_not_fit_are_one_line(capsys):
         assert words in refusals.refused(capsys, *take, *options)
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--buckets", "3"], ("--buckets", "3")),
+        (["--buckets", "0"], ("--buckets", "0")),
+        (["--buckets", "two"], ("--buckets", "two")),
+        (["--kinds", "free,two-bucket"], ("--kinds: found two-bucket with one bucket", "--buckets 2")),
+        (["--buckets", "2", "--slots", "1", "--kinds", "two-bucket"], ("--slots",)),
+    ],
+)
+def test_buckets_that_no_pixel_has_are_one_line(capsys, options, words):
+    given = [*SMALL[:4], "--period", "6", *options, "--out", "d"]
+    assert all(word in refused(capsys, *given) for word in words)
+    assert not Path("d").exists()
+
+
+def test_masks_for_two_buckets_are_refused(capsys):
+    Path("s.yaml").write_text("read_noise: 0.01\nbuckets: 2\n")
+    assert "buckets" in refusals.refused(capsys, "design", "spectral-depth", "--sensor", "s.yaml", "--out", "d")
+    assert not Path("d").exists()
+
+
 def test_dimmed_scenes_see_more_noise(capsys):
     common = ("--kinds", "one-hot, one-hot", "--read-noise", "0.01", "--out")
     bright, dim = design(capsys, *common, "bright"), design(capsys, *common, "dim", "--light", "0.02")
-    assert [row["codes"] for row in dim["surveyed"]] == ["static", "one-hot"]
+    assert [row["codes"] for row in dim["surveyed"]] == ["static", "burst", "one-hot"]
     assert dim["light"] == pytest.approx(0.02)
     assert dim["examples_light"] == bright["examples_light"] == bright["light"]
     assert "dimmed to a mean irradiance of 0.02" in Path("dim/design.html").read_text()

@@ -1,10 +1,11 @@
 """Advice for a sensor: slots that fit, the same effort for all, gains that are counted from the static code."""
 
 import pytest
+import torch
 
 from tests.design.small_designs import designed
 from tests.small_scenes import smooth_scene
-from tmca.design import Effort, SensorSheet, advise, design_model, learn_examples
+from tmca.design import Effort, SensorSheet, advise, design_model, designable, learn_examples
 from tmca.errors import SettingError
 
 SMALL = Effort(descents=2, steps=12, flips=0)
@@ -29,7 +30,7 @@ def test_slots_that_fit_the_exposure():
 @pytest.mark.parametrize(
     "changes",
     [{"exposure": 0.0}, {"pattern_rate": 100}, {"exposure": 1, "slot_time": -1}, {"bits": 0}, {"full_well": -1},
-     {"read_noise": -0.1}, {"read_noise_electrons": 3}],
+     {"read_noise": -0.1}, {"read_noise_electrons": 3}, {"buckets": 0}, {"buckets": 3}, {"buckets": 1.5}],
 )  # fmt: skip
 def test_impossible_sensors_are_refused(changes):
     with pytest.raises(SettingError):
@@ -39,7 +40,12 @@ def test_impossible_sensors_are_refused(changes):
 def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
     sheet = SensorSheet(full_well=10_000, read_noise_electrons=3)
     found = advise(examples, sheet, slots=[2], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
-    assert [(c.design.kind, c.design.slots) for c in found.surveyed] == [("static", 1), ("one-hot", 2), ("free", 2)]
+    assert [(c.design.kind, c.design.slots) for c in found.surveyed] == [
+        ("static", 1),
+        ("burst", 2),
+        ("one-hot", 2),
+        ("free", 2),
+    ]
     noise = sheet.sensor().noise(3.0)
     assert found.noise == (noise.read, noise.shot)
     for name in "abc":
@@ -47,7 +53,7 @@ def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
         assert found.chosen.gains[name] == pytest.approx(gain)
     assert found.static.gain == 0
     # free codes contain the static and the one-hot ones, and start from both
-    assert found.surveyed[2].design.mse <= found.surveyed[1].design.mse * (1 + 1e-6)
+    assert found.surveyed[3].design.mse <= found.surveyed[2].design.mse * (1 + 1e-6)
     assert found.chosen.design.mse <= found.static.design.mse * (1 + 1e-6)
 
 
@@ -61,14 +67,15 @@ def test_the_share_that_is_done_counts_each_search_by_its_effort(examples):
     shares = [share for share, _ in told]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1)
-    assert max(share for share, step in told if "survey" in step) == pytest.approx(4 / 16)
-    assert max(share for share, step in told if step == "static") == pytest.approx(10 / 16)
+    # a step of the burst, which is read twice, counts as four
+    assert max(share for share, step in told if "survey" in step) == pytest.approx(12 / 48)
+    assert max(share for share, step in told if step == "static") == pytest.approx(18 / 48)
 
 
 def test_no_slot_that_fits_leaves_the_static_code(examples):
     sheet = SensorSheet(exposure=0.001, pattern_rate=1000)
     found = advise(examples, sheet, period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
-    assert (found.chosen, found.multiplex) == (None, False)
+    assert (found.chosen, found.burst, found.multiplex) == (None, None, False)
 
 
 def test_codes_that_cannot_hold_the_light_are_left_out(examples):
@@ -77,7 +84,7 @@ def test_codes_that_cannot_hold_the_light_are_left_out(examples):
     assert found.chosen is None
     assert found.left_out == (("one-hot", 2), ("one-hot", 4))
     some = advise(examples, SensorSheet(), kinds=["one-hot", "free"], **{**how, "slots": [2]})
-    assert {c.design.kind for c in some.surveyed} == {"static", "free"}
+    assert {c.design.kind for c in some.surveyed} == {"static", "burst", "free"}
     assert some.left_out == (("one-hot", 2),)
 
 
@@ -86,3 +93,44 @@ def test_noise_beyond_the_signal_is_not_multiplexed(examples):
     found = advise(examples, sheet, slots=[4], kinds=["one-hot"], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
     assert not found.multiplex
     assert found.best is found.static
+
+
+def test_a_second_bucket_is_tried_beside_the_first_and_a_burst(examples):
+    sheet = SensorSheet(read_noise=0.02, buckets=2)
+    found = advise(examples, sheet, slots=[2, 4], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    assert [c.design.kind for c in found.finals] == ["static", found.one.design.kind, "two-bucket", "burst"]
+    tried = [(c.design.kind, c.design.slots) for c in found.surveyed]
+    assert [k for kind, k in tried if kind == "two-bucket"] == [2, 4]
+    assert [k for kind, k in tried if kind == "burst"] == [2]
+    # codes of two buckets contain the burst, and those of fewer slots, and start from them
+    mse = {each: c.design.mse for each, c in zip(tried, found.surveyed, strict=True)}
+    assert mse["two-bucket", 4] <= mse["two-bucket", 2] * (1 + 1e-6) <= mse["burst", 2] * (1 + 2e-6)
+    assert found.two.gain > found.one.gain
+    assert found.chosen is found.best is found.two
+
+
+def test_a_burst_is_the_rival_and_never_chosen(examples):
+    how = {"slots": [2], "period": (4, 6), "survey": SMALL, "effort": SMALL, "bands": 3}
+    found = advise(examples, SensorSheet(read_noise=0.02), kinds=["burst"], **how)
+    assert (found.chosen, found.multiplex, found.best) == (None, False, found.static)
+    assert found.burst.gain > 0
+    assert found.burst.alike
+    with pytest.raises(SettingError, match="one bucket"):
+        advise(examples, SensorSheet(read_noise=0.02), kinds=["two-bucket"], **how)
+
+
+def test_every_bucket_has_its_own_read_noise_and_the_exposure_is_the_same(examples):
+    """A static scene behind one aperture: two buckets hold half of the light each, each with the whole read noise."""
+    camera = designed("two-bucket", 2, (4, 6))
+    assert camera.white == designed("static", 1, (4, 6)).white
+    both = camera.code_cube().detach().unflatten(0, (2, -1)).sum(0)
+    assert float(both.mean()) == pytest.approx(camera.throughput(), rel=1e-5)
+    burst = designable("burst", 2, (4, 6), bands=3)
+    with torch.no_grad():
+        burst.codes.aperture.latent.copy_(burst.codes.aperture.latent[:1].expand_as(burst.codes.aperture.latent))
+        static = designable("static", 1, (4, 6), bands=3)
+        static.codes.aperture.latent.copy_(burst.codes.aperture.latent[:1])
+    shot = 3 / 10_000
+    for read in (0.0, 0.02):
+        one = examples.tile_mse(2**0.5 * read, shot).whole(static)  # the sum of both reads
+        assert examples.tile_mse(read, shot).whole(burst) == pytest.approx(one, rel=1e-4)

@@ -7,9 +7,16 @@ import pytest
 from tmca.reports.words import code_advice, mask_advice
 
 
-def codes(gain=0.5, spread=0.2, **changes):
-    best = Made(design=Made(slots=4, kind="free"), gain=gain, spread=spread)
-    return Made(**{"chosen": best, "best": best, "multiplex": True, "left_out": (), "throughput": 0.9, **changes})
+def design(kind="free", gain=0.5, spread=0.2, alike=False):
+    codes, held_out = Made(slots=4, kind=kind), {"a": 29 + gain, "b": 31 + gain}
+    return Made(design=codes, gain=gain, spread=spread, held_out=held_out, alike=alike)
+
+
+def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, **changes):
+    best = two or one or design(gain=gain, spread=spread)
+    rival = None if burst is None else design("burst", burst)
+    told = {"static": design("static", 0.0), "one": one, "two": two, "burst": rival, "chosen": best, "best": best}
+    return Made(**told | {"multiplex": True, "left_out": (), "throughput": 0.9} | changes)
 
 
 @pytest.mark.parametrize(
@@ -25,6 +32,24 @@ def codes(gain=0.5, spread=0.2, **changes):
     ],
 )  # fmt: skip
 def test_codes_are_advised_with_their_gain(advice, said):
+    assert said in code_advice(advice)
+
+
+@pytest.mark.parametrize(
+    ("advice", "said"),
+    [
+        (codes(one=design(), two=design("two-bucket", 2.5), burst=1.5),
+         "This sensor with two buckets: 32.5 dB (two-bucket, K = 4); with one bucket: 30.5 dB (free, K = 4); "
+         "static: 30.0 dB; a burst of two frames: 31.5 dB. The second bucket gains 2.0 dB, as no light is lost. "
+         "The codes gain 1.0 dB over the burst. Trust differences to within ± 0.2 dB"),
+        (codes(one=design(), two=design("two-bucket", 2.5, alike=True), burst=2.5), "codes are a burst themselves"),
+        (codes(one=design(), burst=1.5), "The burst is 1.0 dB better: prefer it if the scene stands still"),
+        (codes(one=design(), burst=0.45), "The burst is as good where the scene stands still; take the codes"),
+        (codes(one=design(), two=design("two-bucket", 0.5), chosen=None, multiplex=False, burst=0.0),
+         "The second bucket is not worth it (+0.0 dB)."),
+    ],
+)  # fmt: skip
+def test_codes_are_compared_with_their_rivals(advice, said):
     assert said in code_advice(advice)
 
 

@@ -210,7 +210,8 @@ class LightFieldApplication(Application):
         frames = None if snapshot is None else torch.cat(snapshot.values.unbind(1), -1).numpy(force=True)
         shown = frames if frames is None or len(frames) > 1 else frames[0]
         views = {str(estimate.attrs["decoder"]): estimate["estimate"].values}
-        return light_field_figure(views, None if truth is None else truth.values, shown)
+        buckets = 1 if snapshot is None else snapshot.camera.buckets
+        return light_field_figure(views, None if truth is None else truth.values, shown, buckets)
 
     def figures(
         self,

@@ -52,7 +52,7 @@ def spectral(
     """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.
 
     Writes into --out: design.html (start there), design.json, the codes as aperture.tif and shutter.tif (0 and 255, a
-    page per slot, one period) and together as codes.nc.
+    page per slot, one period) and together as codes.nc, and the codes of the burst of two frames as burst.nc.
 
     Args:
         scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
@@ -157,13 +157,12 @@ def _search_codes(
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.reports.codes import COLUMNS
 
-    how = {**search.model_dump(), "kinds": list(search.kinds), "overwrite": overwrite, **about}
+    how = {**search.model_dump(), "overwrite": overwrite, **about}
     with progress_bar(f"design {out.name}") as progress:
         _, report = design(
             _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how
         )
-    rows = [report["static"], *([report["chosen"]] if report["chosen"] else []), *report["surveyed"]]
-    _told(report, rows, COLUMNS, out, json)
+    _told(report, [*report["designs"], *report["surveyed"]], COLUMNS, out, json)
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -240,7 +239,8 @@ def judge(
     seen = sum(value > 1e-3 * values[0] for value in values)
     say(
         figures, json,
-        f"{codes}: {figures['camera']} camera, K = {figures['slots']}, {figures['channels']} channels",
+        f"{codes}: {figures['camera']} camera, K = {figures['slots']}, {figures['channels']} channels"
+        + (f", {figures['buckets']} buckets" if figures["buckets"] > 1 else ""),
         *(f"  {name:24s} {figures[name]:.4f}" for name in names if name in figures),
         f"  {'levels':24s} {len(figures['levels'])}",
         f"  {'singular values':24s} {values[0]:.3g} down to {values[-1]:.3g}, {seen} above a thousandth of the first",

@@ -1,6 +1,6 @@
 """Finding codes and masks: the expected error as objective, its optimisers, and which designs to take."""
 
-from tmca.design.advice import Advice, Candidate, SensorSheet, advise
+from tmca.design.advice import Advice, Candidate, advise
 from tmca.design.checks import check_search, check_size
 from tmca.design.expected_error import BlockMse, MixtureMse, TileMse, design_model
 from tmca.design.flips import flip_greedily
@@ -8,6 +8,7 @@ from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
 from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskTask, search_masks
 from tmca.design.measures import CodeMeasures, measures
 from tmca.design.search import SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
+from tmca.design.sheet import SensorSheet
 from tmca.design.spectral_depth import depth_information, design_masks
 from tmca.design.task import Task, camera_arguments, load_examples, on_frame, save_examples
 from tmca.design.transfer import Examples, TransferMse, learn_examples

@@ -3,97 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import floor
+from dataclasses import dataclass, replace
 from statistics import stdev
 from typing import Any
 
-from tmca.arguments import checked
+from tmca.design.flips import MOST_TILE, tile_bytes
 from tmca.design.kinds import designable, hold_throughput
 from tmca.design.search import SURVEY, Design, Effort, Parts, Progress, decibels, search
+from tmca.design.sheet import BURST, SensorSheet, family_of
 from tmca.design.transfer import Examples
-from tmca.errors import SettingError, check_range
-from tmca.sensor import Sensor
 
-SLOTS = (2, 4, 8, 16)
-"""Numbers of slots that are tried."""
 _FLIP = 0.1
 """Steps of a descent that take as long as a flip."""
 WORTH = 0.1
 """Gain in dB below which more than one slot is not worth it."""
 _LIGHT = 0.02
 """How far the light of codes may be from the share that is asked for."""
-
-
-@checked
-@dataclass(frozen=True)
-class SensorSheet:
-    """A sensor and its modulator as their data sheets give them.
-
-    Args:
-        full_well: electrons at full scale, a white scene with everything open; None for no shot noise.
-        read_noise_electrons: standard deviation, electrons; needs ``full_well``.
-        read_noise: standard deviation in snapshot units, where electrons are not known.
-        bits: of the converter; None for none.
-        exposure: time of one snapshot, seconds; None sets no limit to the slots.
-        pattern_rate: most patterns per second of the slower of aperture and shutter, Hz.
-        slot_time: shortest time that a pattern may be shown, seconds.
-
-    Raises:
-        SettingError: a number that is impossible.
-    """
-
-    full_well: float | None = None
-    read_noise_electrons: float = 0.0
-    read_noise: float = 0.0
-    bits: int | None = None
-    exposure: float | None = None
-    pattern_rate: float | None = None
-    slot_time: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("exposure", "pattern_rate", "slot_time"):
-            if getattr(self, name) is not None:
-                check_range(name, getattr(self, name), above=0)
-        if self.exposure is None and (self.pattern_rate or self.slot_time):
-            raise SettingError("exposure", "none beside a pattern rate or slot time", "the exposure time in seconds")
-        self.sensor()
-
-    def sensor(self) -> Sensor:
-        """As the camera's sensor."""
-        return Sensor(
-            read_noise=self.read_noise, full_well=self.full_well, read_noise_electrons=self.read_noise_electrons,
-            bits=self.bits,
-        )  # fmt: skip
-
-    @property
-    def most_slots(self) -> int | None:
-        """Slots that fit the exposure; None where nothing limits them."""
-        return floor(self.exposure / self.shortest * (1 + 1e-9)) if self.exposure and self.shortest else None
-
-    @property
-    def shortest(self) -> float:
-        """Time that a pattern needs, seconds; 0 where nothing limits it."""
-        return max(1 / self.pattern_rate if self.pattern_rate else 0.0, self.slot_time or 0.0)
-
-    def allowed(self, slots: Sequence[int] | None) -> list[int]:
-        """Numbers of slots above 1 to try: those asked for, or those of ``SLOTS`` that fit.
-
-        Raises:
-            SettingError: one that is asked for does not fit the exposure.
-        """
-        most, remedy = self.most_slots, "expose longer, or use faster patterns"
-        if most == 0:
-            text = f"{self.exposure:g} s, shorter than one pattern"
-            raise SettingError("exposure", text, f"at least {self.shortest:g} s", remedy)
-        if slots is None:
-            return [k for k in SLOTS if most is None or k <= most]
-        for k in slots:
-            check_range("slots", k, 1)
-            if most is not None and k > most:
-                text = f"{k} slots in an exposure of {self.exposure:g} s"
-                raise SettingError("slots", text, f"at most {most}", remedy)
-        return sorted({k for k in slots if k > 1})
+_READINGS = 4
+"""Steps of one reading a pixel that take as long as a step of two."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +47,12 @@ class Candidate:
         """Standard deviation of a scene's gain, dB; None with one scene."""
         return stdev(self.gains.values()) if len(self.gains) > 1 else None
 
+    @property
+    def alike(self) -> bool:
+        """Whether all pixels have the same shutter: two buckets are then a burst."""
+        shutter = self.design.camera.codes.shutter.tile()
+        return bool((shutter == shutter[:, :1, :1]).all())
+
 
 @dataclass(frozen=True)
 class Advice:
@@ -128,7 +61,9 @@ class Advice:
     Args:
         static: the static design.
         surveyed: designs after the survey, the static one, from which the others' gains are counted, first.
-        chosen: the best of them, searched as long as the static one; None where one slot is all that fits.
+        one: the best of them that needs one bucket, searched on; None where one slot is all that fits.
+        two: the same of those that need two; None without a second bucket.
+        burst: the rival, two static frames one after the other in the same time; None where only one pattern fits.
         noise: (read noise, shot) in snapshot units.
         sheet: of the sensor.
         left_out: (kind, K) of codes that cannot let through the share of light that was asked for.
@@ -137,11 +72,25 @@ class Advice:
 
     static: Candidate
     surveyed: list[Candidate]
-    chosen: Candidate | None
+    one: Candidate | None
+    two: Candidate | None
+    burst: Candidate | None
     noise: tuple[float, float]
     sheet: SensorSheet
     left_out: tuple[tuple[str, int], ...] = ()
     throughput: float | None = None
+
+    @property
+    def chosen(self) -> Candidate | None:
+        """The better one of those with one bucket and with two, with one if the second gains nothing; no burst."""
+        if self.one is None or self.two is None:
+            return self.one or self.two
+        return self.two if self.two.gain >= self.one.gain + WORTH else self.one
+
+    @property
+    def finals(self) -> list[Candidate]:
+        """All that were searched on, the static one first and the burst last."""
+        return [each for each in (self.static, self.one, self.two, self.burst) if each is not None]
 
     @property
     def multiplex(self) -> bool:
@@ -159,7 +108,7 @@ def advise(
     sheet: SensorSheet,
     *,
     slots: Sequence[int] | None = None,
-    kinds: Sequence[str] = ("free", "one-hot"),
+    kinds: Sequence[str] | None = None,
     period: tuple[int, int] = (32, 32),
     survey: Effort = SURVEY,
     effort: Effort | None = None,
@@ -170,16 +119,19 @@ def advise(
 ) -> Advice:
     """Search static and time-multiplexed codes for a sensor with the same effort, at equal exposure time.
 
-    A survey tries everything; the best of it and the static code are then searched with more effort.
+    A survey tries everything, and a burst of two frames, the rival. The static code, the burst and the best with one
+    bucket and with two are then searched with more effort.
 
     Args:
         examples: scenes to design for; gains are judged on each of them under the prior of the others.
         sheet: sensor and modulator.
         slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without.
-        kinds: structures of codes to try; free codes also start from the static design, which they contain.
+        kinds: structures of codes to try, see ``SensorSheet.kinds``; free codes also start from the static design,
+            which they contain, those of two buckets from the burst.
         period: (rows, columns) of the tile, pixels.
         survey: effort of each search of the survey.
-        effort: of the last two searches.
+        effort: of the last searches; one descent where pixels are read twice, as each of its steps takes as long as
+            four.
         throughput: share of light that all codes shall let through, kinds that cannot are left out; free if None.
         seed: of the random codes.
         progress: called with the share that is done and what is done.
@@ -190,39 +142,56 @@ def advise(
     """
     noise = sheet.sensor().noise(designable("static", 1, period, **camera).full_scale)
     task = _Task(examples, (noise.read, noise.shot), period, throughput, seed, camera)
-    kinds = sorted(dict.fromkeys(kinds), key=lambda kind: kind == "free")  # which then starts from the others
-    asked = [(kind, k) for k in sheet.allowed(slots) for kind in kinds]
-    plan = [(kind, k) for kind, k in asked if task.reaches(kind, k)]
+    asked = [(kind, k) for k in sheet.allowed(slots) for kind in sheet.kinds(kinds)]
+    plan = [each for each in asked if task.reaches(*each)]
     out = tuple(sorted(set(asked) - set(plan)))
+    if asked and task.has_rival():
+        plan = list(dict.fromkeys([(BURST, 2), *plan]))
     effort = effort or Effort()
-    searches = [survey] * (len(plan) + 1) + [effort] * 2
-    part = Parts(progress, [each.descents * each.steps + _FLIP * each.flips for each in searches])
-    static = task.candidate("static", 1, survey, part("survey: static"))
-    surveyed = [static]
-    for kind, k in plan:
-        starts = _contained(surveyed, k) if kind == "free" else []
-        surveyed.append(task.candidate(kind, k, survey, part(f"survey: {kind}, K = {k}"), starts, static))
-    final, chosen = task.candidate("static", 1, effort, part("static"), [static]), None
-    if (best := _best(surveyed[1:])) is not None:
-        kind, k = best.design.kind, best.design.slots
-        starts = [best, final] if kind == "free" else [best]
-        chosen = task.candidate(kind, k, effort, part(f"{kind}, K = {k}"), starts, final)
-    return Advice(final, surveyed, chosen, task.noise, sheet, out, throughput)
+    families = list(dict.fromkeys(family_of(kind) for kind, _ in plan))
+    part = Parts(progress, _lengths(plan, families, survey, effort))
+    surveyed = task.surveyed(plan, survey, part)
+    final = task.candidate("static", 1, effort, part("static"), surveyed[:1])
+    best = {family: task.searched_on(_best(surveyed[1:], family), final, effort, part) for family in families}
+    found = (best.get("one"), best.get("two"), best.get(BURST))
+    return Advice(final, surveyed, *found, task.noise, sheet, out, throughput)
 
 
-def _contained(candidates: Sequence[Candidate], slots: int) -> list[Candidate]:
-    """Designs that free codes of so many slots contain: the best one of fewer slots, and those of as many, all of one
-    bucket."""
-    candidates = [c for c in candidates if c.design.camera.buckets == 1]
-    fewer = [c for c in candidates if c.design.slots < slots and slots % c.design.slots == 0]
-    return [min(fewer, key=lambda c: c.design.mse), *(c for c in candidates if c.design.slots == slots)]
+def _last(family: str, effort: Effort) -> Effort:
+    """Of the last search of a family."""
+    return effort if family == "one" else replace(effort, descents=1)
 
 
-def _best(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Of those within ``WORTH`` of the largest gain, the one with the fewest slots; None without candidates."""
-    top = max((c.gain for c in candidates), default=0.0)
+def _lengths(plan: Sequence[tuple[str, int]], families: Sequence[str], survey: Effort, effort: Effort) -> list[float]:
+    """Of all searches, in steps of codes of one bucket."""
+    searches = [(family_of(kind), survey) for kind, _ in [("static", 1), *plan]]
+    searches += [("one", effort), *((family, _last(family, effort)) for family in families)]
+    return [
+        (each.descents * each.steps + _FLIP * each.flips) * (1 if family == "one" else _READINGS)
+        for family, each in searches
+    ]
+
+
+def _contained(candidates: Sequence[Candidate], kind: str, slots: int) -> list[Candidate]:
+    """Designs that codes of a kind with so many slots contain: free codes the best one of fewer slots, and those of as
+    many, all of one bucket; codes of two buckets the best one of two, bursts among them."""
+    divisors = [c for c in candidates if slots % c.design.slots == 0]
+    if family_of(kind) == "two":
+        twice = [c for c in divisors if c.design.camera.buckets == 2]
+        return [min(twice, key=lambda c: c.design.mse)] if twice else []
+    if kind != "free":
+        return []
+    divisors = [c for c in divisors if c.design.camera.buckets == 1]
+    fewer = [c for c in divisors if c.design.slots < slots]
+    return [min(fewer, key=lambda c: c.design.mse), *(c for c in divisors if c.design.slots == slots)]
+
+
+def _best(candidates: Sequence[Candidate], family: str) -> Candidate:
+    """Of those of a family within ``WORTH`` of the largest gain, the one with the fewest slots."""
+    candidates = [c for c in candidates if family_of(c.design.kind) == family]
+    top = max(c.gain for c in candidates)
     near = [c for c in candidates if c.gain >= top - WORTH]
-    return min(near, key=lambda c: (c.design.slots, -c.gain)) if near else None
+    return min(near, key=lambda c: (c.design.slots, -c.gain))
 
 
 @dataclass(frozen=True)
@@ -243,6 +212,27 @@ class _Task:
         camera = designable(kind, slots, self.period, seed=self.seed, **self.camera)
         hold_throughput(camera, self.throughput)
         return abs(camera.throughput() - self.throughput) < _LIGHT
+
+    def has_rival(self) -> bool:
+        """Whether a burst of two frames can be searched: it fits the memory, and the share of light."""
+        twice = self.examples.model.for_buckets(2)
+        return tile_bytes(twice, self.period) <= MOST_TILE and self.reaches(BURST, 2)
+
+    def surveyed(self, plan: Sequence[tuple[str, int]], effort: Effort, part: Parts) -> list[Candidate]:
+        """The static design, and those of a plan (kind, K), which may start from the ones before them."""
+        static = self.candidate("static", 1, effort, part("survey: static"))
+        found = [static]
+        for kind, k in plan:
+            starts = _contained(found, kind, k)
+            found.append(self.candidate(kind, k, effort, part(f"survey: {kind}, K = {k}"), starts, static))
+        return found
+
+    def searched_on(self, start: Candidate, static: Candidate, effort: Effort, part: Parts) -> Candidate:
+        """A design of the survey, searched with more effort; free codes start from the static one too."""
+        kind, k = start.design.kind, start.design.slots
+        starts = [start, static] if kind == "free" else [start]
+        how = _last(family_of(kind), effort)
+        return self.candidate(kind, k, how, part(f"{kind}, K = {k}"), starts, static)
 
     def candidate(
         self,

@@ -5,22 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tmca.design.advice import SensorSheet
 from tmca.design.expected_error import design_model
-from tmca.design.flips import tile_bytes
+from tmca.design.flips import MOST_TILE, tile_bytes
 from tmca.design.kinds import KINDS, designable
+from tmca.design.sheet import SensorSheet
 from tmca.design.transfer import example_bytes
 from tmca.errors import SettingError, check_range
 
-_MOST_TILE, _MOST_EXAMPLES = 4e9, 10e9
-"""Memory for the blocks of one tile, and for what all example scenes say of blocks, bytes."""
+_MOST_EXAMPLES = 10e9
+"""Memory for what all example scenes say of blocks, bytes."""
 _MOST_PIXELS = 2**20
 
 
 def check_search(
     sheet: SensorSheet,
     slots: Sequence[int] | None,
-    kinds: Sequence[str],
+    kinds: Sequence[str] | None,
     period: int,
     seed: int,
     throughput: float | None,
@@ -38,14 +38,16 @@ def check_search(
     for name, share in (("--throughput", throughput), ("--light", light)):
         if share is not None and not 0 < share < 1:
             raise SettingError(name, f"{share:g}", "a share above 0 and below 1")
-    _check_kinds(kinds)
+    _check_kinds(kinds or ())
     sheet.allowed(slots)
-    for kind in kinds:
+    for kind in sheet.kinds(kinds) if kinds is not None else ():
         remedy = f"{kind} codes need a slot for each bucket"
         check_range("--slots", max(slots or (2,)), KINDS[kind].get("buckets", 1), remedy=remedy)
 
 
-def check_size(camera: Mapping[str, Any], period: tuple[int, int], slots: Sequence[int], scenes: int) -> None:
+def check_size(
+    camera: Mapping[str, Any], period: tuple[int, int], slots: Sequence[int], scenes: int, buckets: int = 1
+) -> None:
     """Refuse what does not fit the memory.
 
     Args:
@@ -53,6 +55,7 @@ def check_size(camera: Mapping[str, Any], period: tuple[int, int], slots: Sequen
         period: (rows, columns) of the tile of codes, pixels.
         slots: numbers of slots that are tried.
         scenes: number of example scenes.
+        buckets: of a pixel.
 
     Raises:
         SettingError: too large a tile, too many code pixels, or too many scenes for so many bands or views.
@@ -60,10 +63,10 @@ def check_size(camera: Mapping[str, Any], period: tuple[int, int], slots: Sequen
     one = designable("static", 1, (8, 8), **camera)
     model = design_model(one.taps())
     tile = f"{period[0]}×{period[1]} pixels"
-    if (needed := tile_bytes(model, period)) > _MOST_TILE:
+    if (needed := tile_bytes(model.for_buckets(buckets), period)) > MOST_TILE:
         found = f"{tile}, {needed / 1e9:.1f} GB for the blocks of one tile"
         remedy = f"take a smaller period or fewer {one.channel}s"
-        raise SettingError("--period", found, f"at most {_MOST_TILE / 1e9:g} GB", remedy)
+        raise SettingError("--period", found, f"at most {MOST_TILE / 1e9:g} GB", remedy)
     if (needed := example_bytes(model, scenes)) > _MOST_EXAMPLES:
         found = f"{scenes} of {model.block[0]} {one.channel}s, {needed / 1e9:.1f} GB for what they say of blocks"
         remedy = f"name fewer scenes, or take fewer {one.channel}s (--{one.channel}s)"

@@ -31,10 +31,12 @@ _MOST_ENTRIES = 9000
 
 @dataclass(frozen=True)
 class BlockMse:
-    """Mean squared error over the valid pixels of blocks, for m measurements of T taps each.
+    """Mean squared error over the valid pixels of blocks, for m measurements of T taps each in each of R buckets.
+
+    All buckets of a pixel see the same pixels of the scene, so that what is kept of the prior is that of one bucket.
 
     Args:
-        model: geometry of the blocks.
+        model: geometry of the blocks, and R.
         covariance: (m, T, m, T) prior covariance S of the pixels under the taps.
         reach: (m, T, m, T) their covariances with the valid pixels multiplied up, ``S_·J S_J·``.
         mean: (m, T) prior mean of the same pixels.
@@ -59,7 +61,7 @@ class BlockMse:
             SettingError: negative noise.
         """
         Noise(read_noise, shot)  # refuses a negative one
-        pixels = model.pixels()
+        pixels = model.for_buckets(1).pixels()
         flat, shape = pixels.flatten(), (*pixels.shape, *pixels.shape)
         rows = prior.rows(flat, torch.float64)
         middle = model.in_valid(rows)
@@ -78,12 +80,13 @@ class BlockMse:
         return replace(self, read_noise=read_noise, shot=shot)
 
     def for_buckets(self, buckets: int) -> BlockMse:
-        """The same, of a model of one bucket, before a sensor with several: each of them sees the same pixels."""
-        if buckets == self.model.buckets:
-            return self
-        forms = {name: getattr(self, name).repeat(buckets, 1, buckets, 1) for name in ("covariance", "reach")}
-        model, mean = self.model.for_buckets(buckets), self.mean.repeat(buckets, 1)
-        return replace(self, model=model, mean=mean, **forms)
+        """The same blocks before a sensor with another number of buckets a pixel."""
+        return replace(self, model=self.model.for_buckets(buckets))
+
+    @property
+    def means(self) -> Tensor:
+        """(R·m, T) prior mean of the pixels under the taps of every measurement."""
+        return self.mean.repeat(self.model.buckets, 1)
 
     def __call__(self, windows: Tensor) -> Tensor:
         """(P,) mean squared errors of blocks under code windows (P, taps, h, w), in squared irradiance; differentiable.
@@ -94,19 +97,19 @@ class BlockMse:
         return errors
 
     def weights(self, windows: Tensor) -> Tensor:
-        """(P, m, T) weights, float64, of the pixels under the taps of every measurement."""
+        """(P, R·m, T) weights, float64, of the pixels under the taps of every measurement."""
         return self.model.complete(windows.double()).flatten(2).mT
 
 
 @dataclass(frozen=True)
 class Products:
-    """What the weights (P, m, T) of blocks make of a ``BlockMse``.
+    """What the weights (P, R·m, T) of blocks make of a ``BlockMse``.
 
     Args:
-        covariant: (m, P, m, T) covariance of every measurement with the pixels under the taps of every other.
+        covariant: (R·m, P, m, T) covariance of every measurement with the pixels under the taps of every other.
         reaching: the same of the valid products.
-        inverse: (P, m, m) G⁻¹.
-        reached: (P, m, m) M.
+        inverse: (P, R·m, R·m) G⁻¹.
+        reached: (P, R·m, R·m) M.
     """
 
     covariant: Tensor
@@ -119,7 +122,7 @@ class Products:
         """Both quadratic forms and the inverse."""
         covariant, spread = quadratic(error.covariance, weights)
         reaching, reached = quadratic(error.reach, weights)
-        expected = (weights * error.mean).sum(-1)
+        expected = (weights * error.means).sum(-1)
         noise = noise_variance(expected, Noise(error.read_noise, error.shot))
         factor = torch.linalg.cholesky(spread + torch.diag_embed(noise))
         return cls(covariant, reaching, torch.cholesky_inverse(factor), reached)
@@ -131,16 +134,20 @@ class Products:
 
     @property
     def sandwiched(self) -> Tensor:
-        """(P, m, m) G⁻¹ M G⁻¹."""
+        """(P, R·m, R·m) G⁻¹ M G⁻¹."""
         return self.inverse @ self.reached @ self.inverse
 
 
 def quadratic(form: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
-    """Half applied (m, P, m, T) and wholly applied (P, m, m) quadratic form of weights (P, m, T)."""
+    """Quadratic form (m, T, m, T) of weights (P, R·m, T): half applied (R·m, P, m, T) and wholly (P, R·m, R·m)."""
     measurements, taps = form.shape[:2]
-    half = torch.bmm(weights.transpose(0, 1), form.reshape(measurements, taps, -1))
-    half = half.unflatten(-1, (measurements, taps))
-    return half, torch.einsum("ipjt,pjt->pij", half, weights)
+    every = weights.unflatten(1, (-1, measurements))  # (P, R, m, T)
+    buckets = every.shape[1]
+    half = form.new_empty(buckets, measurements, len(weights), measurements * taps)
+    for bucket, part in enumerate(half):
+        torch.bmm(every[:, bucket].transpose(0, 1), form.reshape(measurements, taps, -1), out=part)
+    half = half.flatten(0, 1).unflatten(-1, (measurements, taps))
+    return half, torch.einsum("ipjt,prjt->pirj", half, every).flatten(2)
 
 
 class _Error(torch.autograd.Function):
@@ -158,13 +165,13 @@ class _Error(torch.autograd.Function):
 
 
 def _gradient(products: Products, error: BlockMse, weights: Tensor) -> Tensor:
-    """(P, m, T) derivative of every block's error in its weights."""
-    sandwiched = products.sandwiched
-    added = torch.einsum("pij,jpit->pit", sandwiched, products.covariant)
-    removed = torch.einsum("pij,jpit->pit", products.inverse, products.reaching)
-    bright = (weights * error.mean).sum(-1) > 0
-    noise = error.shot * (sandwiched.diagonal(dim1=1, dim2=2) * bright)[..., None] * error.mean
-    return 2 * (added - removed) + noise
+    """(P, R·m, T) derivative of every block's error in its weights."""
+    sandwiched, means, rows = products.sandwiched, error.means, (error.model.buckets, -1)
+    added = torch.einsum("prij,jpit->prit", sandwiched.unflatten(1, rows), products.covariant)
+    removed = torch.einsum("prij,jpit->prit", products.inverse.unflatten(1, rows), products.reaching)
+    bright = (weights * means).sum(-1) > 0
+    noise = error.shot * (sandwiched.diagonal(dim1=1, dim2=2) * bright)[..., None] * means
+    return 2 * (added - removed).flatten(1, 2) + noise
 
 
 @dataclass(frozen=True)

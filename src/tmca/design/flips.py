@@ -49,10 +49,14 @@ class Flip(NamedTuple):
         self.plane.latent[:, *self.place[1:]] = before
 
 
+MOST_TILE = 4e9
+"""Memory for the blocks of one tile, bytes."""
+
+
 def tile_bytes(model: BlockModel, period: tuple[int, int]) -> int:
     """Memory that flips need for the blocks of one tile, bytes."""
-    block = 8 * model.measurements**2 * (2 * len(model.offsets) + 2)
-    return block * count_places(model, period, _SHIFTS)
+    half = model.measurements**2 // model.buckets * len(model.offsets)
+    return 8 * (2 * half + 2 * model.measurements**2) * count_places(model, period, _SHIFTS)
 
 
 def flip_greedily(
@@ -99,8 +103,8 @@ def flip_greedily(
 class BlockState:
     """One block under its present weights, and what changes of a few of them do, without a new factorisation for each.
 
-    A changed pixel of a code changes the weights of r of the m measurements. Then ``G`` and ``M`` change in r rows and
-    columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
+    A changed pixel of a code changes the weights of r of the m measurements of all buckets. Then ``G`` and ``M``
+    change in r rows and columns, and ``tr G⁻¹ M`` follows by the Woodbury identity with matrices of size 2r.
 
     Args:
         error: of such blocks.
@@ -128,8 +132,9 @@ class BlockState:
         inverse, reached = self.products.inverse[0], self.products.reached[0]
         ahead, among = self._forms(self.error.covariance, self.products.covariant, rows, few)
         ahead_reach, among_reach = self._forms(self.error.reach, self.products.reaching, rows, few)
-        light = (self.weights * self.error.mean).sum(-1)[rows]
-        changed_light = (light + (few * self.error.mean[rows]).sum(-1)).clamp_min(0)
+        means = self.error.means
+        light = (self.weights * means).sum(-1)[rows]
+        changed_light = (light + (few * means[rows]).sum(-1)).clamp_min(0)
         among = among + torch.diag_embed(self.error.shot * (changed_light - light.clamp_min(0)))
         touched = inverse[:, rows].movedim(0, 1)  # (B, m, r): G⁻¹E
         low = torch.cat([touched, inverse @ ahead.mT], -1)  # G⁻¹U with U = [E, Fᵀ]
@@ -143,9 +148,10 @@ class BlockState:
 
     def _forms(self, form: Tensor, half: Tensor, rows: Tensor, changes: Tensor) -> tuple[Tensor, Tensor]:
         """(B, r, m) form between changed and present weights, (B, r, r) between changed and changed ones."""
-        near = half[:, 0, rows]  # (m, B, r, T)
+        places = rows % len(form)  # of the pixels that they see, whatever the bucket
+        near = half[:, 0, places]  # (m, B, r, T)
         ahead = torch.einsum("mbrt,brt->brm", near, changes)
-        pairs = form[rows[:, :, None], :, rows[:, None, :], :]  # (B, r, r, T, T)
+        pairs = form[places[:, :, None], :, places[:, None, :], :]  # (B, r, r, T, T)
         return ahead, torch.einsum("brt,brstu,bsu->brs", changes, pairs, changes)
 
 

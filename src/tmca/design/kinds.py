@@ -47,7 +47,8 @@ def designable(
         period: (rows, columns) of the tile, pixels.
         seed: of the codes.
         start: a camera of the same period whose codes are started from; of one with fewer slots, each is shown in
-            several slots in a row: the same camera in finer time.
+            several slots in a row: the same camera in finer time. Of all buckets of a burst the first one's are taken,
+            the rest is the second's.
         camera_type: ``SpectralCamera`` or ``LightFieldCamera``.
         camera: its further arguments.
 
@@ -66,7 +67,8 @@ def designable(
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
     for name in ("aperture", "shutter"):
         codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        getattr(made.codes, name).show(codes, **settings)
+        shown = getattr(made.codes, name)
+        shown.show(codes[: len(shown.tile())], **settings)
     return made
 
 
@@ -92,10 +94,12 @@ def hold_throughput(camera: CodedCamera, target: float) -> None:
     """Shift the latent values of the learned planes together until the throughput is as near to ``target`` as the
     codes allow: the pixels that were nearest to changing change.
 
-    Planes whose family fixes their own share (one-hot, complementary) are left as they are.
+    Planes whose family fixes their own share (one-hot, complementary) are left as they are, and so is the shutter of
+    several buckets, which lose no light.
     """
     fixed = ("one-hot", "complementary")
-    planes = [p for p in (camera.codes.aperture, camera.codes.shutter) if p.learnable and p.family not in fixed]
+    codes = (camera.codes.aperture, camera.codes.shutter)[: 1 if camera.buckets > 1 else 2]
+    planes = [plane for plane in codes if plane.learnable and plane.family not in fixed]
     if not planes:
         return
     latents = [plane.latent.clone() for plane in planes]

@@ -48,7 +48,7 @@ class TransferMse:
     def of(cls, error: BlockMse, prior: GaussianPrior, scene: GaussianPrior) -> TransferMse:
         """The error on scenes of one stationary prior of an estimator built on another."""
         model = error.model
-        pixels, moved = model.pixels(), scene.around(prior.mean)
+        pixels, moved = model.for_buckets(1).pixels(), scene.around(prior.mean)
         flat, shape = pixels.flatten(), error.covariance.shape
         true, expected = moved.rows(flat, torch.float64), prior.rows(flat, torch.float64)
         crossed = model.in_valid(true) @ model.in_valid(expected).mT
@@ -59,10 +59,7 @@ class TransferMse:
 
     def for_buckets(self, buckets: int) -> TransferMse:
         """See ``BlockMse``."""
-        if buckets == self.error.model.buckets:
-            return self
-        forms = {name: getattr(self, name).repeat(buckets, 1, buckets, 1) for name in ("covariance", "crossed")}
-        return replace(self, error=self.error.for_buckets(buckets), mean=self.mean.repeat(buckets, 1), **forms)
+        return replace(self, error=self.error.for_buckets(buckets))
 
     def __call__(self, seen: Tensor, read_noise: float, shot: float) -> Tensor:
         """(P,) errors of blocks under code windows (P, taps, h, w)."""
@@ -70,7 +67,8 @@ class TransferMse:
         products = Products.of(self.error.under(read_noise, shot), weights)
         measured = quadratic(self.covariance, weights)[1]
         crossed = quadratic(self.crossed, weights)[1]
-        noise = noise_variance((weights * self.mean).sum(-1), Noise(read_noise, shot))
+        mean = self.mean.repeat(self.error.model.buckets, 1)
+        noise = noise_variance((weights * mean).sum(-1), Noise(read_noise, shot))
         spent = (products.sandwiched * (measured + torch.diag_embed(noise))).sum((1, 2))
         return self.variance - 2 * (products.inverse * crossed).sum((1, 2)) + spent
 

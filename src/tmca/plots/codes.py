@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 CORNER, _POINTS = 48, 10
 """Pixels of codes, and mask points, that are shown along each side."""
+_COLUMNS = 9
+"""Most panels side by side: an odd number, so that the centre view is among them."""
 
 
 def snapshot_figure(snapshot: np.ndarray, full_scale: float, channel: str, title: str) -> Figure:
@@ -70,12 +72,14 @@ def codes_figure(
         chosen = evenly(len(code), 6)
         few = code[chosen, :height, :width]
         rows = [(np.concatenate((both, few)), ["T", "S", *(names[index] for index in chosen)])]
-    columns = min(8, max(len(planes) for planes, _ in rows))
+    columns = min(_COLUMNS, max(len(planes) for planes, _ in rows))
     figure, axes = grid(len(rows), columns, width=1.5, aspect=1.0)
+    highest = max(float(cubes.max()), 1e-9)  # of all buckets, whose pictures are compared
     for row, (planes, titles) in zip(axes, rows, strict=True):
         chosen = evenly(len(planes), columns)
+        top = highest if titles[0].startswith("T̂") else max(float(planes.max()), 1e-9)
         for axis, index in zip(row, chosen, strict=False):
-            image(axis, planes[index, :corner, :corner], titles[index], "gray", max(float(planes.max()), 1e-9))
+            image(axis, planes[index, :corner, :corner], titles[index], "gray", top)
     add_bar(axes[-1, len(evenly(len(rows[-1][0]), columns)) - 1], axes[-1, 0].images[0], "transmittance")
     figure.suptitle(title, fontsize=9)
     return figure

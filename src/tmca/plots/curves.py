@@ -120,7 +120,7 @@ def gains_figure(surveyed: Mapping[str, Sequence[Gain]], chosen: tuple[str, Gain
     axis.set_xticks(ticks, [str(k) for k in ticks])
     axis.minorticks_off()
     if surveyed:
-        figure.legend(fontsize=8, loc="outside lower center", ncols=len(surveyed) + 1)
+        figure.legend(fontsize=8, loc="outside lower center", ncols=min(len(surveyed) + 1, 3))
     plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
     return figure
 

@@ -25,7 +25,10 @@ _Cell = tuple[str, np.ndarray, dict[str, Any]]
 
 
 def light_field_figure(
-    estimates: Mapping[str, np.ndarray], truth: np.ndarray | None = None, snapshot: np.ndarray | None = None
+    estimates: Mapping[str, np.ndarray],
+    truth: np.ndarray | None = None,
+    snapshot: np.ndarray | None = None,
+    buckets: int = 1,
 ) -> Figure:
     """A row for the truth and for each estimate: centre view, part of it enlarged, and error map with PSNR and SSIM.
 
@@ -37,7 +40,8 @@ def light_field_figure(
     Args:
         estimates: name → ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
         truth: of the same shape, if it is known.
-        snapshot: ``(H, W')`` or ``(3, H, W')``.
+        snapshot: ``(H, W')`` or ``(3, H, W')``; of several buckets beside each other, the first at the left.
+        buckets: how many.
 
     Raises:
         ShapeError: no light fields, or shapes that differ.
@@ -49,7 +53,7 @@ def light_field_figure(
     columns = 2 + (truth is not None or snapshot is not None)
     figure, axes = grid(len(panels), columns, width=_WIDTH, aspect=min(height / width, 2.5))
     if snapshot is not None:
-        draw_snapshot(axes[0, 2], snapshot)
+        draw_snapshot(axes[0, 2], snapshot, buckets)
     if truth is not None:
         _errors(axes[:, 2], estimates, np.asarray(truth), flat=snapshot is None)
     for row, (name, field) in zip(axes, panels.items(), strict=True):
@@ -58,14 +62,16 @@ def light_field_figure(
     return figure
 
 
-def draw_snapshot(axis: Axes, snapshot: np.ndarray) -> None:
+def draw_snapshot(axis: Axes, snapshot: np.ndarray, buckets: int = 1) -> None:
     """The recorded image; a colour bar says its levels where it is grey."""
     values = np.asarray(snapshot, dtype=np.float64)
     top = float(values.max()) or 1.0
+    numbers = [str(number) for number in range(1, buckets + 1)]
+    name = "snapshot" if buckets == 1 else f"snapshot, buckets {', '.join(numbers[:-1])} and {numbers[-1]}"
     if values.ndim == 3 and len(values) == 3:
-        image(axis, shown(np.moveaxis(values, 0, -1), top), f"snapshot (white = {top:.3g} views of a white scene)")
+        image(axis, shown(np.moveaxis(values, 0, -1), top), f"{name} (white = {top:.3g} views of a white scene)")
     else:
-        image(axis, values.reshape(values.shape[-2:]), "snapshot", "gray", top, bar="views of a white scene")
+        image(axis, values.reshape(values.shape[-2:]), name, "gray", top, bar="views of a white scene")
 
 
 def centre_view(light_field: np.ndarray, white: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from torch import Tensor
 
 from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
@@ -39,10 +40,11 @@ from tmca.reports.words import code_advice
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc")
+FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc", "burst.nc")
 COLUMNS = (
     ("codes", "codes", ""),
     ("slots", "K", "d"),
+    ("readings", "readings of a pixel", "d"),
     ("expected_psnr", "expected PSNR (dB)", ".2f"),
     ("random_psnr", "random codes (dB)", ".2f"),
     ("held_out_psnr", "each scene under the prior of the others (dB)", ".2f"),
@@ -92,7 +94,7 @@ def search_codes(
     scenes: int,
     *,
     slots: Sequence[int] | None = None,
-    kinds: Sequence[str] = ("free", "one-hot"),
+    kinds: Sequence[str] | None = None,
     period: int = 32,
     effort: Effort | None = None,
     throughput: float | None = None,
@@ -106,12 +108,13 @@ def search_codes(
 
     Args:
         sheet: sensor and modulator.
-        out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc``.
+        out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc``, and of
+            ``burst.nc`` with the codes of the burst.
         learn: reads the example scenes, once all else is seen to be possible.
         bare: arguments of ``designable`` as far as they are known before scenes are read.
         scenes: number of example scenes.
         slots: numbers of slots to try; those that fit without.
-        kinds: structures of codes to try.
+        kinds: structures of codes to try; free and one-hot ones without, and of two buckets where pixels have two.
         period: side of the tile of codes, pixels.
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
@@ -133,7 +136,7 @@ def search_codes(
 
     check_new((out / name for name in FILES), overwrite)
     check_search(sheet, slots, kinds, period, seed, throughput, light)
-    check_size(bare, (period, period), sheet.allowed(slots), scenes)
+    check_size(bare, (period, period), sheet.allowed(slots), scenes, sheet.buckets)
     check_folder(out)
     progress = progress or (lambda share, step: None)
     learned = learn(progress)
@@ -145,7 +148,7 @@ def search_codes(
     make_folder(out)
     record = _described(advice, examples, learned.examples.light, period, command)
     sections = _sections(advice, record)  # before anything is written
-    _write_codes(advice.best.design.camera, out, record, overwrite)
+    _write_codes(advice, out, record, overwrite)
     write_json(record, out / "design.json", overwrite=overwrite)
     title = f"Codes for a {advice.best.design.camera.kind} camera"
     write_report(out / "design.html", title, sections, overwrite=overwrite)
@@ -167,7 +170,7 @@ def _described(
         "best": {**_row(best), "held_out": best.held_out, "gains": best.gains,
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
                  "levels": {f"{level:g}": share for level, share in light.levels.items()}},
-        "static": _row(advice.static),
+        "static": _row(advice.static), "designs": [_row(candidate) for candidate in advice.finals],
         "chosen": None if advice.chosen is None else _row(advice.chosen),
         "surveyed": [_row(candidate) for candidate in advice.surveyed],
     }  # fmt: skip
@@ -177,27 +180,37 @@ def _row(candidate: Candidate) -> dict[str, Any]:
     """A design for tables and files."""
     design = candidate.design
     return {
-        "codes": design.kind, "slots": design.slots, "expected_psnr": design.psnr,
+        "codes": design.kind, "slots": design.slots, "readings": design.camera.buckets, "expected_psnr": design.psnr,
         "random_psnr": decibels(design.random),
         "held_out_psnr": sum(candidate.held_out.values()) / len(candidate.held_out), "gain": candidate.gain,
         "spread": candidate.spread, "throughput": design.camera.throughput(), "seconds": design.seconds,
     }  # fmt: skip
 
 
-def _write_codes(camera: CodedCamera, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
-    """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels."""
+def _write_codes(advice: Advice, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
+    """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels; of the burst
+    the planes alone."""
     from tmca.data import atomic_path, tiff_bytes
 
-    codes = camera.codes
-    aperture, shutter = codes.aperture.tile().detach(), codes.shutter.tile().detach()
-    for name, tile in (("aperture", aperture), ("shutter", shutter)):
+    camera = advice.best.design.camera
+    for name, tile in zip(("aperture", "shutter"), _tiles(camera), strict=True):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
             temporary.write_bytes(
                 tiff_bytes(255 * tile.numpy().astype(np.uint8), imagej=True, metadata={"axes": "TYX"})
             )
     notes = {"advice": record["advice"], "sensor": record["sensor"], CODES_DATE: now()}
     period = (int(record["period"]), int(record["period"]))
-    write_codes(out / "codes.nc", aperture, shutter, period, notes, buckets=camera.buckets, overwrite=overwrite)
+    write_codes(out / "codes.nc", *_tiles(camera), period, notes, buckets=camera.buckets, overwrite=overwrite)
+    if advice.burst is None:
+        (out / "burst.nc").unlink(missing_ok=True)  # of an earlier design
+        return
+    rival = advice.burst.design.camera
+    write_codes(out / "burst.nc", *_tiles(rival), period, notes, buckets=rival.buckets, overwrite=overwrite)
+
+
+def _tiles(camera: CodedCamera) -> tuple[Tensor, Tensor]:
+    """One period of aperture and shutter."""
+    return camera.codes.aperture.tile().detach(), camera.codes.shutter.tile().detach()
 
 
 def _light(record: Mapping[str, Any]) -> str:
@@ -226,7 +239,6 @@ def _training(record: Mapping[str, Any]) -> str:
 
 
 def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
-    final = [record["static"], *([record["chosen"]] if record["chosen"] else [])]
     scenes = [
         {"scene": name, "static": advice.static.held_out[name], "own": value, "gain": advice.best.gains[name]}
         for name, value in advice.best.held_out.items()
@@ -235,7 +247,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
     about = [
         record["advice"],
-        "Sensor: " + (", ".join(f"{name} {value:g}" for name, value in sheet.items()) or "no noise") + ".",
+        "Sensor: " + ", ".join(f"{name} {value:g}" for name, value in sheet.items()) + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(record)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
@@ -244,10 +256,16 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     ]
     columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
     survey = ["A survey with less effort; gains are over its own static code, the first row."]
+    if advice.burst is not None:
+        about.append(
+            "A burst is two static frames with two apertures, one after the other within the same time: it loses no "
+            "light either. Each bucket and each frame has its own read noise and its own full well."
+        )
     codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "
              f"{_training(record)}."]  # fmt: skip
+    codes += ["Those of the burst, to compare with: --codes burst.nc."] if advice.burst is not None else []
     return [
-        Section("Advice", about, final, COLUMNS),
+        Section("Advice", about, record["designs"], COLUMNS),
         Section("Every number of slots", survey, record["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),

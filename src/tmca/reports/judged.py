@@ -52,6 +52,7 @@ def judge_codes(
     figures = measures(coded)
     report: dict[str, Any] = {
         "file": str(file), "camera": coded.kind, "slots": coded.slots, "channels": coded.channels,
+        "buckets": coded.buckets,
         "throughput": figures.throughput, "contrast": figures.contrast, "likeness": figures.likeness,
         "coherence": figures.coherence, "levels": {f"{level:g}": share for level, share in figures.levels.items()},
         "correlation": figures.band_correlation.tolist(), "singular_values": figures.singular_values.tolist(),

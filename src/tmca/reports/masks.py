@@ -124,6 +124,11 @@ def design_spectral_depth(
 
 
 def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
+    if sheet.buckets > 1:
+        remedy = "design spectral or light-field codes, or leave the second bucket out"
+        raise SettingError(
+            "buckets", f"{sheet.buckets} beside phase masks", "1, no masks are searched for more", remedy
+        )
     most = sheet.most_slots
     asked = [k for k in SLOTS if most is None or k <= most] if slots is None else list(slots)
     return sorted({1, *sheet.allowed(asked)})

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from tmca.design import Advice, MaskAdvice, MaskCandidate
+from tmca.design import Advice, Candidate, MaskAdvice, MaskCandidate
 from tmca.design.advice import WORTH as WORTH_DECIBELS
 from tmca.design.mask_search import WORTH as WORTH_SHARE
 
 
 def code_advice(advice: Advice) -> str:
-    """Slots and codes to use and their gain, with the codes that were left out."""
-    return " ".join(part for part in (_recommended(advice), _left_out(advice)) if part)
+    """Slots and codes to use and their gain, beside the rivals, with the codes that were left out."""
+    return " ".join(part for part in (_recommended(advice), *_compared_codes(advice), _left_out(advice)) if part)
 
 
 def _recommended(advice: Advice) -> str:
@@ -25,6 +25,58 @@ def _recommended(advice: Advice) -> str:
         return use + "on one example scene that the estimate knows; give more to see the spread."
     sure = "" if best.gain > best.spread else ", no more than the spread"
     return use + f"± {best.spread:.1f} dB from scene to scene{sure}."
+
+
+def _compared_codes(advice: Advice) -> list[str]:
+    """What the sensor gives with two buckets, with one, without time slots and with two frames, and what follows."""
+    if advice.burst is None:
+        return []
+    own = {"with two buckets": advice.two, "with one bucket": advice.one}
+    parts = [
+        f"{name}: {_psnr(each)} ({each.design.kind}, K = {each.design.slots})"
+        for name, each in own.items()
+        if each is not None
+    ]
+    parts += [f"static: {_psnr(advice.static)}", f"a burst of two frames: {_psnr(advice.burst)}"]
+    return [f"This sensor {'; '.join(parts)}.", _second_bucket(advice), _against_burst(advice), _careful(advice)]
+
+
+def _psnr(candidate: Candidate) -> str:
+    return f"{sum(candidate.held_out.values()) / len(candidate.held_out):.1f} dB"
+
+
+def _second_bucket(advice: Advice) -> str:
+    if advice.one is None or advice.two is None:
+        return ""
+    gain = advice.two.gain - advice.one.gain
+    if advice.two is advice.chosen:
+        return f"The second bucket gains {gain:.1f} dB, as no light is lost."
+    return f"The second bucket is not worth it ({gain:+.1f} dB)."
+
+
+def _against_burst(advice: Advice) -> str:
+    """Whether the codes beat the burst, and what speaks for each."""
+    rival, best = advice.burst, advice.best
+    if rival is None:
+        return ""
+    if best is advice.two and best.alike:
+        return "These codes are a burst themselves: all pixels change buckets together. Two frames do the same."
+    gain, name = best.gain - rival.gain, "codes" if advice.multiplex else "static code"
+    if gain >= WORTH_DECIBELS:
+        return f"The {name} gain{'' if advice.multiplex else 's'} {gain:.1f} dB over the burst."
+    if gain > -WORTH_DECIBELS:
+        return f"The burst is as good where the scene stands still; take the {name} if it moves."
+    return (
+        f"The burst is {-gain:.1f} dB better: prefer it if the scene stands still and the sensor can be read twice in "
+        "this time."
+    )
+
+
+def _careful(advice: Advice) -> str:
+    spread = advice.best.spread
+    if not advice.multiplex or spread is None:
+        return ""
+    return f"Trust differences to within ± {max(spread, WORTH_DECIBELS):.1f} dB, and only for scenes like the examples."
 
 
 def _left_out(advice: Advice) -> str:

@@ -13,10 +13,11 @@ class CodeSearchSpec(Spec):
 
     slots: Wholes | None = None
     "Numbers of slots to try, separated by commas. [default: those of 2, 4, 8, 16 that fit the exposure]"
-    kinds: Words = ("free", "one-hot")
+    kinds: Words | None = None
     """Structures of codes to try: free, one-hot, complementary, blue-noise, s-matrix; open-shutter where each pixel
-    cannot have a shutter of its own, static-aperture where the mask stands still; two-bucket where pixels have two
-    buckets, and burst, two frames one after the other in the same time."""
+    cannot have a shutter of its own, static-aperture where the mask stands still; two-bucket with --buckets 2. A burst
+    of two frames in the same time is always tried beside them. [default: free,one-hot, and two-bucket with --buckets
+    2]"""
     throughput: Share | None = None
     "Share of light that codes shall let through, as near as their kind allows. [default: free]"
     light: Share | None = None

@@ -40,3 +40,5 @@ class SheetSpec(NoiseSpec):
     "Most patterns per second of aperture (mask) and shutter, Hz."
     slot_time: Annotated[float, Field(gt=0)] | None = None
     "Shortest time a pattern may be shown, seconds."
+    buckets: Annotated[int, Field(ge=1, le=2)] = 1
+    "Buckets of a pixel, 1 or 2, each with this noise and full well: with 2, the light of closed slots is read too."
