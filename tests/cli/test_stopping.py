@@ -57,6 +57,46 @@ def test_a_stop_that_comes_while_a_module_of_another_language_is_imported_is_a_s
     assert stopped(main, capsys)
 
 
+def test_a_stop_that_comes_within_a_compiled_reader_is_a_stop(monkeypatch, capsys):
+    """The reader says that it was wrong, and the file is called unreadable."""
+    import tmca.cli.app
+    from tmca.cli import main
+    from tmca.errors import DataError
+
+    def command(*tokens, **how):
+        try:
+            raise SystemError("returned a result with an exception set") from KeyboardInterrupt()
+        except SystemError as error:
+            raise DataError("a.nc", "an unreadable file", "a whole one") from error
+
+    monkeypatch.setattr(tmca.cli.app, "app", command)
+    assert stopped(main, capsys)
+
+
+HALF_MADE = """
+import sys
+import tmca.cli.app
+from tmca.cli import main
+
+class Half:
+    def __init__(self):
+        raise KeyboardInterrupt
+    def __del__(self):
+        self.closed
+
+def command(tokens, **how):
+    Half()
+
+tmca.cli.app.app = command
+main(["simulate"])
+"""
+
+
+def test_what_was_half_made_when_a_stop_came_says_nothing():
+    done = subprocess.run([sys.executable, "-c", HALF_MADE], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (130, "tmca: stopped; finished files are whole\n")
+
+
 def stopped(main, capsys):
     with pytest.raises(SystemExit) as end:
         main(["decoders"])

@@ -22,8 +22,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the ``tmca`` command; wrong input gives one line on standard error and exit code 2."""
     if (os.cpu_count() or 1) <= _FEW_CORES:
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from cyclopts import CycloptsError
-
     from tmca.cli.app import app
 
     warnings.showwarning = _lines_once()
@@ -37,29 +35,45 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print_help(app, tokens)
             return
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
-    except CycloptsError as error:
-        _leave(_misspelt(error, tokens))
-    except TmcaError as error:
-        _leave(_in_options(error, tokens))
-    except (MemoryError, RuntimeError, ImportError) as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # what comes while a class or a module is made is wrapped
-            _stopped(error.__cause__)
-        if not isinstance(error, MemoryError) and "allocate" not in str(error):
-            raise
-        _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
-    except KeyboardInterrupt as stop:
-        _stopped(stop)
-    except BrokenPipeError:
-        sys.exit(0)
-    except PermissionError as error:
-        _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
-    except OSError as error:
-        _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+    except (Exception, KeyboardInterrupt) as error:
+        stop = _stop_behind(error)
+        if stop is not None:
+            _stopped(stop)
+        _say_why(error, tokens)
+
+
+def _stop_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """A stop, or one that came within a compiled function or while a class was made, which wrap it in another error."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__
+    return cause
 
 
 def _stopped(stop: KeyboardInterrupt) -> None:
+    if sys.unraisablehook is _stop_again:
+        sys.unraisablehook = lambda passed_over: None  # what was half made when the stop came has nothing to say
     print(f"tmca: {str(stop) or 'stopped; finished files are whole'}", file=sys.stderr)
     sys.exit(130)
+
+
+def _say_why(error: BaseException, tokens: list[str]) -> None:
+    """One line and exit code 2; what is no user's fault is raised again."""
+    from cyclopts import CycloptsError
+
+    if isinstance(error, CycloptsError):
+        _leave(_misspelt(error, tokens))
+    if isinstance(error, TmcaError):
+        _leave(_in_options(error, tokens))
+    if isinstance(error, MemoryError) or (isinstance(error, (RuntimeError, ImportError)) and "allocate" in str(error)):
+        _leave("found too little memory for this size, expected less; use --crop, fewer --bands or fewer --slots")
+    if isinstance(error, BrokenPipeError):
+        sys.exit(0)
+    if isinstance(error, PermissionError):
+        _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
+    if isinstance(error, OSError):
+        _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+    raise error
 
 
 def _stop_when_asked() -> None:
