@@ -145,12 +145,12 @@ def render(
         seed: of the noise.
         overwrite: replace the folder if it exists.
     """
+    from tmca.cli.studies import study_module
     from tmca.data import check_target
-    from tmca.lab.ground_truth.rendered import write_bench
 
     check_target(folder, overwrite)
     plan, camera = _plan("800x1280", fringes, 4, "x"), parsed_size(size) or (96, 128)
-    places = write_bench(
+    places = study_module("rendered_table").write_bench(
         folder, picture=picture, shape=shape, size=camera, plan=plan, snr_db=snr, seed=seed, overwrite=overwrite
     )
     points = " ".join(f"{name}={y},{x}" for name, (y, x) in places.items())
