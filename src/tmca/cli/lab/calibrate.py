@@ -8,30 +8,16 @@ from typing import Literal
 
 from cyclopts import App
 
+from tmca.cli.lab.calibrate_steps import measured_all, say_residuals, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
-for name, text in {
-    "dark": "Offset, read noise and hot pixels, from frames without light.",
-    "flat": "Response of every pixel, and the level of white, from frames of even light.",
-    "linearity": "Linearity, saturation and electrons per digital number, from a series of exposures.",
-    "registration": "Where mask pixels fall on the sensor, from captures of known patterns.",
-    "dispersion": "Displacement and response of every wavelength, from monochromatic captures.",
-    "shear": "Pixels per view, and the light of views, from captures with one view open.",
-    "buckets": "How the buckets of a pixel share its light, from captures of even light in each.",
-    "timing": "Delay and duration of the shutter's slots, from captures with one slot open.",
-    "psf": "Point spread functions and the wavefront of a mask, from captures of a point source.",
-}.items():
-    app.command(f"tmca.cli.lab.calibrate_steps:{name}", name=name, help=text)
-
+for _name, _command in step_commands():
+    app.command(_command, name=_name)
+app.command(measured_all, name="all")
 app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
-)
-app.command(
-    "tmca.cli.lab.calibrate_steps:measured_all",
-    name="all",
-    help="Every step whose frames are in a folder, in order.",
 )
 
 
@@ -127,7 +113,6 @@ def show(calibration: Path, /, *, json: bool = False) -> None:
         calibration: file, or its name without the date for the newest.
         json: print JSON instead of text.
     """
-    from tmca.cli.lab.calibrate_steps import say_residuals
     from tmca.lab.calibration.file import load_calibration
 
     found = load_calibration(calibration)

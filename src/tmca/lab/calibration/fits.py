@@ -48,7 +48,7 @@ class StepSettings:
         device: (rows, columns) of the mask, to be checked.
         power: text file of the source's power: nm, power.
         curve, order: of the dispersion, see `tmca.lab.calibration.dispersion.measure_dispersion`.
-        camera: a snapshot file of the camera, whose masks and bench ``psf`` frames are of.
+        snapshot: a file of the camera, whose masks and bench ``psf`` frames are of.
         slot: whose mask they show.
         saturation: of all frames.
     """
@@ -63,7 +63,7 @@ class StepSettings:
     power: str | Path | None = None
     curve: Curve = "cauchy"
     order: int = 3
-    camera: str | Path | None = None
+    snapshot: str | Path | None = None
     slot: int = 0
     saturation: float | None = None
 
@@ -353,11 +353,11 @@ def shear(seen: Captured) -> dict[str, Fitted]:
 
 def psf(seen: Captured) -> dict[str, Fitted]:
     slot = seen.given.slot
-    if seen.given.camera is None:
+    if seen.given.snapshot is None:
         raise DataError(
             seen.path, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot"
         )
-    camera = _phase_mask_camera(seen.given.camera, slot)
+    camera = _phase_mask_camera(seen.given.snapshot, slot)
     light, keys = seen.by_name(POINT, "point_0.6m_550nm")
     depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
     if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
@@ -376,8 +376,8 @@ def psf(seen: Captured) -> dict[str, Fitted]:
         "starts": float(fit.starts),
     }
     return {
-        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.camera]),
-        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.given.camera]),
+        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.snapshot]),
+        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.given.snapshot]),
     }
 
 
