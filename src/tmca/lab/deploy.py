@@ -227,13 +227,12 @@ def _described(
     )  # fmt: skip
 
 
-def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: bool = False) -> list[DecoderFile]:
+def check_decoder(folder: str | Path, run: str | Path, trust: bool = False) -> list[DecoderFile]:
     """Compare the files of an exported decoder with the run they were made from, on random input.
 
     Args:
         folder: of `export_decoder`.
         run: folder of the run, or its weights.
-        seed: of the input.
         trust: see `load_exported`.
 
     Raises:
@@ -244,7 +243,7 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: boo
     camera = _camera(weights, (about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
-    snapshot, checked = _random(camera.snapshot_shape, seed), []
+    snapshot, checked = _random(camera.snapshot_shape, seed=1), []
     for entry in about.files:
         error = _difference(decoder, load_exported(Path(folder) / entry.file, trust), snapshot)
         _check_close(Path(folder) / entry.file, error)

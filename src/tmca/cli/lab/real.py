@@ -79,12 +79,13 @@ def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift
     whole = None if fixed is None else (fixed[0], fixed[1])
     keys = prototype.captures[name]
     for file in captures:
-        place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), fixed=whole)
+        values, patterns = read_plane(file, keys.capture_key), read_array(file, keys.shutter_key)
+        (rows, columns), first = shutter_place(values, patterns, fixed=whole)
         if as_json:
-            print(json_module.dumps({"shutter_shift": place.shift, "first_slot": place.first_slot}))
+            print(json_module.dumps({"shutter_shift": (rows, columns), "first_slot": first}))
             continue
-        print(f"{file}: {name}: shutter displaced by {place.shift[0]} rows and {place.shift[1]} columns")
-        print(f"  the exposure begins with slot {place.first_slot}")
+        print(f"{file}: {name}: shutter displaced by {rows} rows and {columns} columns")
+        print(f"  the exposure begins with slot {first}")
 
 
 @app.command

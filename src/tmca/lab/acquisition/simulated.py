@@ -37,7 +37,6 @@ class SimulatedBench:
         black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
         whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
-        taken: frames that it took before, whose noise is not drawn again; of frames without a name.
         stops_after: frames after which it does not answer any more; never without.
 
     Raises:
@@ -54,7 +53,6 @@ class SimulatedBench:
         black: int | None = None,
         whole: bool = True,
         seed: int = 0,
-        taken: int = 0,
         stops_after: int | None = None,
     ) -> None:
         if not 1 <= bits <= 16 or (black is not None and not 0 <= black < 2**bits - 1):
@@ -71,7 +69,7 @@ class SimulatedBench:
         self.shown: int | None = None
         self.light: Light | None = None
         self.name: str | None = None
-        self.taken, self.first, self.stops_after = taken, taken, stops_after
+        self.taken, self.stops_after = 0, stops_after
 
     @property
     def gain(self) -> float:
@@ -121,9 +119,8 @@ class SimulatedBench:
 
     def capture(self, whole: bool = False) -> NDArray[np.integer]:
         """See ``Device``."""
-        done = self.taken - self.first
-        if self.stops_after is not None and done >= self.stops_after:
-            raise DeviceError("simulated bench", f"no answer after {done} frames", "a frame", "run it again")
+        if self.stops_after is not None and self.taken >= self.stops_after:
+            raise DeviceError("simulated bench", f"no answer after {self.taken} frames", "a frame", "run it again")
         self.taken += 1
         with torch.no_grad():
             light = self._seen(whole)

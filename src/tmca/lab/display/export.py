@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 import tmca
 from tmca.data import atomic_path, checksum_of, make_folder, write_json
 from tmca.errors import OutputError, SettingError, check_range
-from tmca.lab.display.codes import Planes, Size, read_table, table, terms_of
+from tmca.lab.display.codes import Planes, Size, check_buckets, numbers_of, read_table, table, terms_of
 from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
 from tmca.lab.display.manifest import FORMAT, NAME, SOURCE_AT, digest, read_frame, write_frame
 from tmca.lab.display.placement import Affine, Placement
-from tmca.lab.display.sorting import check_buckets, numbers_of
 from tmca.lab.notes import CODES_DATE, date_of_codes, now
 
 if TYPE_CHECKING:

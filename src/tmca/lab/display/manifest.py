@@ -14,10 +14,9 @@ from pydantic import Field, TypeAdapter
 from tmca.attributes import Attributes, Inside, NamedJson, attributes_of, read_json
 from tmca.data import checksum_of, content_digest, read_array
 from tmca.errors import DataError, SettingError
-from tmca.lab.display.codes import Planes, read_table
+from tmca.lab.display.codes import Planes, read_table, shutter_of
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
-from tmca.lab.display.sorting import shutter_of
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
