@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Literal
 
 from cyclopts import App
 
-from tmca.cli.lab.calibrate_steps import measured_all, say_residuals, step_commands
+from tmca.cli.lab.calibrate_steps import measured_all, residual_lines, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
+from tmca.cli.options.output import check_figure, check_targets, say
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
 for _name, _command in step_commands():
@@ -117,15 +117,13 @@ def show(calibration: Path, /, *, json: bool = False) -> None:
 
     found = load_calibration(calibration)
     about = found.about
-    if json:
-        print(json_module.dumps({"calibration": str(found.path), **about}, indent=1))
-        return
     camera = about["camera"]
     sizes = [f"{what} {'×'.join(map(str, camera[what]))}" for what in ("sensor", "codes") if camera[what]]
-    print(f"{found.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}")
+    lines = [f"{found.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}"]
     for name, step in about["steps"].items():
-        print(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
-        say_residuals(step["residuals"])
+        lines.append(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
+        lines += residual_lines(step["residuals"])
+    say({"calibration": str(found.path), **about}, json, *lines)
 
 
 @app.command
@@ -150,7 +148,6 @@ def proof(
         overwrite: replace files that exist.
         json: print JSON instead of text.
     """
-    from tmca.cli.options.output import check_figure, check_targets
     from tmca.cli.studies import study_module
     from tmca.data import plain, write_json
     from tmca.plots.style import save_figure
@@ -163,4 +160,4 @@ def proof(
         write_json(results.stated(), out, overwrite=overwrite)
     if figure is not None:
         save_figure(proofs.reconstructions_figure(results), figure, overwrite=overwrite)
-    print(json_module.dumps(plain(results.stated()), indent=1) if json else proofs.table_of(results.stated()))
+    say(plain(results.stated()), json, proofs.table_of(results.stated()))

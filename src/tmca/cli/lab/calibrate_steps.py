@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json as json_module
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 
 from tmca.cli.options.numbers import On, Whole, size
+from tmca.cli.options.output import say
 
 if TYPE_CHECKING:
     from tmca.lab.calibration.file import Calibration
@@ -75,21 +75,19 @@ class CalibrationOptions:
         if self.figures and saved.path is not None:
             save_figure(part_figure(saved, part, saved.path.stem), saved.path.with_suffix(".png"))
         residuals = saved.about["steps"][part]["residuals"]
-        if self.json:
-            print(json_module.dumps({"calibration": str(saved.path), "step": part, **plain(residuals)}, indent=1))
-            return
-        print(f"{saved.path}: {part}")
-        say_residuals(residuals)
+        about = {"calibration": str(saved.path), "step": part, **plain(residuals)}
+        say(about, self.json, f"{saved.path}: {part}", *residual_lines(residuals))
 
 
 _USUAL = CalibrationOptions()
 
 
-def say_residuals(residuals: Mapping[str, Any]) -> None:
+def residual_lines(residuals: Mapping[str, Any]) -> list[str]:
     """A line for each."""
-    for name, value in residuals.items():
-        shown = "not known" if value is None or value != value else f"{value:.5g}"
-        print(f"  {name.replace('_', ' '):<32} {shown}")
+    shown = {
+        name: "not known" if value is None or value != value else f"{value:.5g}" for name, value in residuals.items()
+    }
+    return [f"  {name.replace('_', ' '):<32} {value}" for name, value in shown.items()]
 
 
 def _settings(how: CalibrationOptions, **given: Any) -> StepSettings:

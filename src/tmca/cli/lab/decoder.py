@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cyclopts import App
 
 from tmca.cli.options.numbers import size
-from tmca.cli.options.output import check_targets
+from tmca.cli.options.output import check_targets, say
 
 if TYPE_CHECKING:
     from tmca.lab.deploy import DecoderFile
@@ -86,8 +85,5 @@ def run(
 
 def _say(folder: Path, files: list[DecoderFile], json: bool) -> None:
     rows = [{"format": one.format, "file": str(folder / one.file), "error": one.error} for one in files]
-    if json:
-        print(json_module.dumps(rows, indent=1))
-        return
-    for row in rows:
-        print(f"{row['file']}: {row['format']}, differs from the network by {row['error']:.1e} of its largest value")
+    far = [f"differs from the network by {one.error:.1e} of its largest value" for one in files]
+    say(rows, json, *(f"{row['file']}: {row['format']}, {by}" for row, by in zip(rows, far, strict=True)))

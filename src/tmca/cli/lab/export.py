@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.options.numbers import On, size
+from tmca.cli.options.output import say
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")
@@ -121,13 +121,9 @@ def check(folder: Path, /, *, json: bool = False) -> None:
 
 
 def _say(manifest: dict[str, Any], folder: Path, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(manifest, indent=1))
-        return
     each = manifest["exposure_s"] / manifest["slots"]
-    print(f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}")
-    for plane in manifest["planes"]:
-        print(f"  {plane['plane']}: {_words(plane)}")
+    head = f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}"
+    say(manifest, as_json, head, *(f"  {plane['plane']}: {_words(plane)}" for plane in manifest["planes"]))
 
 
 def _words(plane: dict[str, Any]) -> str:

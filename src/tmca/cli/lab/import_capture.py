@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 
 from cyclopts import App
 
-from tmca.cli.options.output import check_targets
+from tmca.cli.options.output import check_targets, say
 
 app = App(name="import", help="Make a snapshot file of a real capture, so that every decoder takes it.")
 
@@ -54,11 +53,10 @@ def import_(
         "slots": camera.slots, "gain": notes["gain"], "noise_in_capture": notes["noise_in_capture"],
         "saturated_share": notes.get(SATURATED), "saturated_withheld": bool(notes.get(WITHHELD)),
     }  # fmt: skip
-    if json:
-        print(json_module.dumps(about, indent=1))
-        return
     size = f"{camera.size[0]}×{camera.size[1]} pixels, {camera.bands} bands, {camera.slots} slots"
-    print(f"{out}: {notes['scene']}, {size}")
-    print(f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture")
-    if withhold_saturated and (share := notes.get(SATURATED)):
-        print(f"  {share:.2%} of the pixels are saturated, and withheld")
+    withheld = notes.get(SATURATED) if withhold_saturated else None
+    say(
+        about, json, f"{out}: {notes['scene']}, {size}",
+        f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture",
+        *([f"  {withheld:.2%} of the pixels are saturated, and withheld"] if withheld else []),
+    )  # fmt: skip

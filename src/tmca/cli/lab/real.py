@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
-from tmca.cli.options.output import check_figure, check_targets, warned
+from tmca.cli.options.output import check_figure, check_targets, say, warned
 from tmca.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -57,12 +57,12 @@ def register(
     values = [read_plane(file, described.capture_key) for file in captures]
     image = read_plane(mask, described.mask_key)
     registration, deviation = register_mask(values, image, offsets, black=described.black)
-    if json:
-        print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
-        return
     scale, down = registration.scale[0], registration.shift[0]
-    print(f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down")
-    print(f"  blocks deviate by {deviation:.3f} pixels")
+    say(
+        {**registration.model_dump(), "deviation": deviation}, json,
+        f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down",
+        f"  blocks deviate by {deviation:.3f} pixels",
+    )  # fmt: skip
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:

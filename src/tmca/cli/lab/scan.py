@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import Whole, whole, whole_numbers
 from tmca.cli.options.numbers import size as parsed_size
-from tmca.cli.options.output import check_figure, check_targets
+from tmca.cli.options.output import check_figure, check_targets, say
 from tmca.errors import SettingError
 from tmca.specs.base import metres_of_nm
 
@@ -309,21 +308,22 @@ def _said_depth(measured: xr.Dataset, out: Path, json: bool, error: dict[str, fl
     """How many pixels have a depth, from where to where, how certain, and why the others have none."""
     import numpy as np
 
+    from tmca.lab.ground_truth.depth import REASONS
+
     depth, why = measured["depth"].values, measured["confidence"].values
-    names = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
-    counts = {name: int((why == i).sum()) for i, name in enumerate(names)}
+    counts = {name: int((why == i).sum()) for i, name in enumerate(REASONS)}
     spread = float(np.nanmedian(measured["depth_std"].values))
     about: dict[str, Any] = {"out": str(out), "near": float(np.nanmin(depth)), "far": float(np.nanmax(depth))}
     about |= {"median_std": spread, "noise": float(measured.attrs["noise"]), "pixels": counts}
-    if json:
-        print(json_module.dumps(about | (error or {}), indent=1))
-        return
     others = ", ".join(f"{count} {name}" for name, count in counts.items() if count and name != "known")
-    print(f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)")
-    print(f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""))
+    lines = [
+        f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)",
+        f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""),
+    ]
     if error:
         share = f"{error['rmse_percent']:.3g} % of its range; largest {1e3 * error['largest']:.3g} mm"
-        print(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
+        lines.append(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
+    say(about | (error or {}), json, *lines)
 
 
 def _said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
@@ -334,24 +334,21 @@ def _said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
     spread = float(np.nanmedian(measured["reflectance_std"].values))
     saturated, dark = int((quality == 1).sum()), int((quality == 2).sum())
     about = {"out": str(out), "bands": nm.size, "first_nm": float(nm[0]), "last_nm": float(nm[-1])}
-    if json:
-        print(json_module.dumps({**about, "median_std": spread, "saturated": saturated, "dark": dark}, indent=1))
-        return
     size_text = f"{quality.shape[1]}×{quality.shape[2]} pixels"
-    print(f"{out}: {nm.size} bands, {nm[0]:g} to {nm[-1]:g} nm, {size_text}, standard deviation {spread:.2g} (median)")
-    print(f"  left out: {saturated} saturated and {dark} dark of {quality.size} values")
+    say(
+        about | {"median_std": spread, "saturated": saturated, "dark": dark}, json,
+        f"{out}: {nm.size} bands, {nm[0]:g} to {nm[-1]:g} nm, {size_text}, standard deviation {spread:.2g} (median)",
+        f"  left out: {saturated} saturated and {dark} dark of {quality.size} values",
+    )  # fmt: skip
 
 
 def _said_comparison(compared: list[Any], json: bool) -> None:
     """A line per point."""
-    rows = [one.row() for one in compared]
-    if json:
-        print(json_module.dumps(rows, indent=1))
-        return
-    print(f"{'point':<12} {'y,x':>9} {'bands':>6} {'SAM (°)':>8} {'RMSE':>8}")
+    lines = [f"{'point':<12} {'y,x':>9} {'bands':>6} {'SAM (°)':>8} {'RMSE':>8}"]
     for one in compared:
         place = f"{one.place[0]},{one.place[1]}"
-        print(f"{one.name:<12} {place:>9} {one.nm.size:>6} {one.angle:>8.3f} {one.rmse:>8.4f}")
-        for name, (seen, true) in one.filters.items():
-            print(f"  through {name}: {seen:.4f}, spectrometer {true:.4f}")
-    print(f"{'mean':<12} {'':>9} {'':>6} {sum(one.angle for one in compared) / len(compared):>8.3f}")
+        lines.append(f"{one.name:<12} {place:>9} {one.nm.size:>6} {one.angle:>8.3f} {one.rmse:>8.4f}")
+        seen = one.filters.items()
+        lines += [f"  through {name}: {found:.4f}, spectrometer {true:.4f}" for name, (found, true) in seen]
+    mean = sum(one.angle for one in compared) / len(compared)
+    say([one.row() for one in compared], json, *lines, f"{'mean':<12} {'':>9} {'':>6} {mean:>8.3f}")

@@ -1,4 +1,4 @@
-"""The codes that are exported, wherever they are kept; sorted into buckets as a sensor does, or as terms of a mirror."""
+"""The codes that are exported, wherever they are kept: sorted into buckets of a sensor, or as terms of a mirror."""
 
 from __future__ import annotations
 

@@ -238,6 +238,5 @@ def depth_figure(measured: xr.Dataset, title: str) -> Figure:
     """Depth, its standard deviation, and why pixels have none, of `measure_depth`'s result."""
     from tmca.plots.lab import measured_depth_figure
 
-    reasons = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
     depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
-    return measured_depth_figure(depth, deviation, reason, reasons, title)
+    return measured_depth_figure(depth, deviation, reason, REASONS, title)
