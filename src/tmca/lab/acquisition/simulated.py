@@ -62,8 +62,10 @@ class SimulatedBench:
         self.hardware.check(camera.kind, camera.buckets)
         self.camera, self.scene = self._on_bench(camera), tuple(scene)
         self.saturation = float(2**bits - 1)
-        below = max(0.0, -self.hardware.bucket_offset)
-        self.black = _black(camera, self.saturation, below) if black is None else black
+        # noise does not fall below it, nor a bucket's offset
+        level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
+        level += max(0.0, -self.hardware.bucket_offset)
+        self.black = int(level * self.saturation / (1 + level)) if black is None else black
         self._top = camera.full_scale if whole else camera.white
         self.loaded, self.coded = False, False
         self.shown: int | None = None
@@ -179,12 +181,6 @@ class SimulatedBench:
         return shutters.repeat_interleave(self.camera.snapshot_shape[0] // len(shutters), 0)
 
 
-def _black(camera: Camera, top: float, below: float) -> int:
-    """Digital number of no light below which noise does not fall, nor a bucket's offset."""
-    level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale) + below
-    return int(level * top / (1 + level))
-
-
 def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[int], Tensor]:
     """Patterns that a frame sees which an ordinary camera takes for one slot, and how long.
 
@@ -199,11 +195,10 @@ def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[i
     Returns:
         Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
     """
-    codes = lab_camera(camera).timed_codes(camera)
-    faults = codes.faults if isinstance(codes, FaultyCodes | FaultyShutter) else None
-    if settled or faults is None or not faults.timed:
+    timed = [part.faults for part in camera.modules() if isinstance(part, FaultyCodes | FaultyShutter)]
+    if settled or not timed or not timed[0].timed:
         return [slot], torch.ones(1, camera.size[0])
-    shares = faults.overlap[:, slot].T.float()
+    shares = timed[0].overlap[:, slot].T.float()
     seen = [pattern for pattern, share in enumerate(shares) if float(share.abs().max()) > _UNSEEN] or [slot]
     return seen, shares[seen]
 

@@ -103,23 +103,16 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
         found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
         raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
     camera = calibrated(snapshot.camera, calibration, snapshot.notes)
-    values = snapshot.values
-    if snapshot.notes.get("values") == RAW:
+    values, notes = snapshot.values, snapshot.notes
+    if notes.get("values") == RAW:
         values = from_digital_numbers(values, calibration, camera.full_scale)
-    elif _by_frames(snapshot, calibration):
-        gain, white = float(snapshot.notes[GAIN]), float(snapshot.notes[WHITE])
+    elif {GAIN, WHITE, AVERAGED} <= notes.keys() and {"dark", "flat"} <= calibration.parts.keys():
+        gain, white, frames = (float(notes[name]) for name in (GAIN, WHITE, AVERAGED))
         values = from_digital_numbers(values / gain, calibration, white, above_dark=True)
-        frames = float(snapshot.notes[AVERAGED])
         camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
     values = lab_camera(camera).on_camera(values, snapshot.camera, camera)
-    notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
+    notes = {k: v for k, v in notes.items() if k != "values"}
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
-
-
-def _by_frames(snapshot: Snapshot[Any], calibration: Calibration) -> bool:
-    """Whether frames of a device were joined, and are measured by this calibration."""
-    noted = {GAIN, WHITE, AVERAGED} <= snapshot.notes.keys()
-    return noted and all(calibration.part(name) is not None for name in ("dark", "flat"))
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:

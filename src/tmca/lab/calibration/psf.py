@@ -239,11 +239,9 @@ class _Model:
         return float(np.sqrt((fit.fun**2).sum() / (self.data**2).sum()))
 
     def residuals(self, values: Array) -> Array:
-        left = [
-            self._split(self._pixels(self._field(values, d).abs().square()), d)[0].ravel()
-            for d in range(len(self.data))
-        ]
-        return np.concatenate(left)
+        fields = [self.propagator(self._before(values, depth)) for depth in range(len(self.data))]
+        seen = [self._pixels(field.abs().square()) for field in fields]
+        return np.concatenate([self._split(light, depth)[0].ravel() for depth, light in enumerate(seen)])
 
     def jacobian(self, values: Array) -> Array:
         """Derivatives with light and background of every frame eliminated (Kaufman, BIT 15, 49, 1975)."""
@@ -269,10 +267,6 @@ class _Model:
         heights = heights + torch.tensordot(torch.from_numpy(values[at : at + 2]), self.tilts, 1)
         phase = self.turns[:, None, None] * heights
         return self.points[depth] * torch.polar(torch.ones_like(phase), phase)
-
-    def _field(self, values: Array, depth: int) -> Tensor:
-        field: Tensor = self.propagator(self._before(values, depth))
-        return field
 
     def _pixels(self, light: Tensor) -> Array:
         """(..., L, h, w) sum of samples over pixels."""

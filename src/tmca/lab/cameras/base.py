@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from torch import Tensor, nn
+from torch import Tensor
 
 from tmca.cameras import Camera
 from tmca.errors import DeviceError, SettingError, check_choice
@@ -59,10 +59,6 @@ class LabCamera(ABC):
         Raises:
             DeviceError: codes of another size.
         """
-
-    @abstractmethod
-    def timed_codes(self, camera: Any) -> nn.Module:
-        """The module that knows when its patterns are shown, where they have faults in time."""
 
     @abstractmethod
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:

@@ -50,11 +50,6 @@ class CodedLab(LabCamera):
                 raise DeviceError("simulated bench", found, expected, "export them for it")
         return camera.replace(codes=Codes(shown["aperture"], shown["shutter"]), slots=codes.slots)
 
-    def timed_codes(self, camera: Any) -> nn.Module:
-        """See ``LabCamera``."""
-        codes: nn.Module = camera.codes
-        return codes
-
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
         """See ``LabCamera``."""
         return camera.replace(codes=_OpenedCodes(camera.codes, patterns, shares), **parts)

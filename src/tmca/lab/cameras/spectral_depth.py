@@ -51,13 +51,9 @@ class SpectralDepthLab(LabCamera):
         heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
         return camera.replace(codes=PhaseCodes(camera.point_spread.behind(heights), camera.shutter))
 
-    def timed_codes(self, camera: SpectralDepthCamera) -> nn.Module:
-        """See ``LabCamera``."""
-        return camera.shutter
-
     def opened(self, camera: SpectralDepthCamera, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
         """See ``LabCamera``."""
-        optics = camera.point_spread.behind(_ChosenHeights(camera.point_spread.heights, patterns))
+        optics = camera.point_spread.behind(FreeForm(camera.point_spread.heights()[list(patterns)]))
         return camera.replace(codes=PhaseCodes(optics, _OpenedShutter(camera.shutter, shares)), **parts)
 
     def wavelengths(self, camera: SpectralDepthCamera) -> Sequence[float]:
@@ -102,15 +98,3 @@ class _OpenedShutter(nn.Module):
 
     def part(self, rows: slice, columns: slice) -> Tensor:
         return self()[:, rows, columns]
-
-
-class _ChosenHeights(nn.Module):
-    """The height maps of some slots."""
-
-    def __init__(self, heights: nn.Module, slots: Sequence[int]) -> None:
-        super().__init__()
-        self.heights, self.slots, self.size = heights, list(slots), heights.size
-
-    def forward(self) -> Tensor:
-        maps: Tensor = self.heights()
-        return maps[self.slots]
