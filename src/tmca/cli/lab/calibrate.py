@@ -10,7 +10,7 @@ from cyclopts import App
 from tmca.cli.lab.calibrate_steps import measured_all, residual_lines, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
-from tmca.cli.options.output import check_figure, check_targets, say
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
 for _name, _command in step_commands():
@@ -55,7 +55,7 @@ def guide() -> None:
 
 @app.command
 def patterns(
-    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: bool = False
+    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: Overwrite = False
 ) -> None:
     """Write the patterns to show into FOLDER: open, dark and random ones, a PNG each.
 
@@ -64,7 +64,6 @@ def patterns(
         device: HEIGHTxWIDTH of the mask, pixels.
         count: of random patterns.
         seed: of them.
-        overwrite: replace the folder if it exists.
     """
     from tmca.lab.calibration.captures import write_patterns
 
@@ -82,7 +81,7 @@ def render(
     slots: Whole = 4,
     snr: float = 40.0,
     seed: Whole = 0,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a rendered bench into FOLDER: captures for every step, a raw snapshot, and the hidden truth.
 
@@ -93,7 +92,6 @@ def render(
         slots: of its codes.
         snr: of captures of patterns and points, dB.
         seed: of the truth, the codes and the noise.
-        overwrite: replace the folder if it exists.
     """
     from tmca.cli.studies import study_module
     from tmca.data import check_target
@@ -106,12 +104,11 @@ def render(
 
 
 @app.command
-def show(calibration: Path, /, *, json: bool = False) -> None:
+def show(calibration: Path, /, *, json: Json = False) -> None:
     """Say what CALIBRATION holds: of which camera, when measured, with which residuals, from what.
 
     Args:
         calibration: file, or its name without the date for the newest.
-        json: print JSON instead of text.
     """
     from tmca.lab.calibration.file import load_calibration
 
@@ -133,9 +130,9 @@ def proof(
     size: str = "64x80",
     snr: float = 40.0,
     out: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Calibrate rendered benches from their captures alone, and hold what was found against their hidden truth.
 
@@ -144,9 +141,6 @@ def proof(
         size: HEIGHTxWIDTH of the scenes, pixels.
         snr: of the captures, dB.
         out: JSON file of the results.
-        figure: picture of the spectral reconstructions (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.cli.studies import study_module
     from tmca.data import plain, write_json

@@ -9,7 +9,7 @@ from cyclopts import App
 
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import Whole
-from tmca.cli.options.output import say
+from tmca.cli.options.output import Json, Overwrite, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError, SettingError
 
@@ -27,10 +27,10 @@ def capture(
     out: Path = Path("captures"),
     snapshot: Path | None = None,
     repeat: Whole = 1,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
     scene: Annotated[str | None, SIMULATED] = None,
     bench: BenchOptions = _BENCH,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """Capture EXPORT, a folder of `tmca export`: a dark frame, then one a slot, or one exposure of a coded shutter.
 
@@ -43,9 +43,7 @@ def capture(
         out: folder of frames.
         snapshot: file to write; OUT.nc without it.
         repeat: frames of each kind, which are averaged; more of them later add to those that are there.
-        overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
-        json: print what was written as JSON.
     """
     from tmca.lab.acquisition.session import capture as run
     from tmca.lab.acquisition.session import check_camera, joined

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.options.numbers import On, size
-from tmca.cli.options.output import say
+from tmca.cli.options.output import Json, Overwrite, say
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")
@@ -31,8 +31,8 @@ def export(
     lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     calibration: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     figures: On = True,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write what devices show of SOURCE: a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
 
@@ -107,12 +107,11 @@ def _described(name: str, changes: dict[str, Any]) -> Any:
 
 
 @app.command
-def check(folder: Path, /, *, json: bool = False) -> None:
+def check(folder: Path, /, *, json: Json = False) -> None:
     """Read the export in FOLDER back: every file there, unchanged and in order, and the very codes in them.
 
     Args:
         folder: of the export.
-        json: print its manifest.
     """
     from tmca.lab.display.manifest import check_export, read_export
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cyclopts import App
 
-from tmca.cli.options.output import check_targets, say
+from tmca.cli.options.output import Json, Overwrite, check_targets, say
 
 app = App(name="import", help="Make a snapshot file of a real capture, so that every decoder takes it.")
 
@@ -22,8 +22,8 @@ def import_(
     name: str | None = None,
     noise: float | None = None,
     withhold_saturated: bool = False,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write CAPTURE with its codes, optics, levels and noise to a snapshot file for `tmca reconstruct`.
 
@@ -36,8 +36,6 @@ def import_(
         noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
         withhold_saturated: close the shutter of saturated pixels and set them to 0, so that no decoder takes them at
             their word.
-        overwrite: replace the file if it exists.
-        json: print JSON instead of text.
     """
     from tmca.lab.importing import WITHHELD, import_capture
     from tmca.lab.notes import SATURATED

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import Whole, whole, whole_numbers
 from tmca.cli.options.numbers import size as parsed_size
-from tmca.cli.options.output import check_figure, check_targets, say
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
 from tmca.errors import SettingError
 from tmca.specs.base import metres_of_nm
 
@@ -40,7 +40,7 @@ def fringes(
     fringes: str = "1,4,16,64",
     steps: Whole = 4,
     across: Literal["x", "y"] = "x",
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write the fringes to project into FOLDER: a PNG per frame, and fringes.json that names them in order.
 
@@ -50,7 +50,6 @@ def fringes(
         fringes: over the projector's width (or height), ascending; 1 among them, or differences that lead to 1.
         steps: phase shifts of each.
         across: x for upright fringes (projector beside the camera), y for level ones (above it).
-        overwrite: replace the folder if it exists.
     """
     from tmca.lab.ground_truth.fringes import write_fringes
     from tmca.lab.ground_truth.phase import ladder
@@ -76,9 +75,9 @@ def depth(
     far: float = 20.0,
     neighbours: Annotated[int, Parameter(converter=whole)] = 6,
     truth: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Metric depth from CAPTURES of projected fringes, with its standard deviation and a mask of confidence.
 
@@ -94,9 +93,6 @@ def depth(
         far: metres; what is farther is left out.
         neighbours: of eight that have to share a pixel's depth; 3 keeps the edges of surfaces, where depths are wrong.
         truth: a depth map to compare with.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.data import read_depth_map, write_dataset
     from tmca.lab.ground_truth.depth import depth_error, depth_figure, measure_depth
@@ -130,7 +126,7 @@ def render(
     snr: float = 30.0,
     fringes: str = "1,4,16,64",
     seed: Whole = 0,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a rendered table into FOLDER: captures of fringes, a spectral scan, calibration, references, truth.
 
@@ -142,7 +138,6 @@ def render(
         snr: of the captures of fringes, dB.
         fringes: that are projected.
         seed: of the noise.
-        overwrite: replace the folder if it exists.
     """
     from tmca.cli.studies import study_module
     from tmca.data import check_target
@@ -171,9 +166,9 @@ def spectra(
     white_reflectance: str = "1",
     read_noise: float | None = None,
     gain: float = 0.0,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Reflectance of SCENE from frames under each wavelength of a tunable source, with its standard deviation.
 
@@ -188,9 +183,6 @@ def spectra(
         white_reflectance: of the reference, a number or a text file of its spectrum.
         read_noise: standard deviation of a frame, digital numbers; that of the dark frames without it.
         gain: digital numbers per electron, for shot noise.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.data import write_dataset
     from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
@@ -218,9 +210,9 @@ def compare(
     box: Whole = 5,
     bandwidth: float = 0.0,
     filters: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Spectral angle between points of SPECTRA and what a spectrometer measured there.
 
@@ -231,9 +223,6 @@ def compare(
         box: pixels along each side that are averaged.
         bandwidth: full width at half maximum of the source in nm, by which the references are smoothed.
         filters: text file of filter responses, through which both are seen too.
-        figure: write a picture of it (PNG).
-        overwrite: replace the picture if it exists.
-        json: print JSON instead of text.
     """
     from tmca.lab.ground_truth.join import open_cube
     from tmca.lab.ground_truth.spectra import compare_spectra, comparison_figure, read_spectra
@@ -257,8 +246,8 @@ def join(
     *,
     out: Path,
     wavelengths: str | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
 
@@ -267,8 +256,6 @@ def join(
         depth: file of tmca scan depth.
         out: NetCDF file to write.
         wavelengths: of the scene's bands, in nm, FIRST:LAST:COUNT or a list: a camera's; the scan's own without it.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
     """
     from tmca.applications.file_pictures import picture_of
     from tmca.data import write_dataset
