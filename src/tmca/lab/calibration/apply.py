@@ -287,7 +287,11 @@ def registered_affine(source: str | Path, calibration: Calibration, device: Devi
         raise SettingError("--calibration", f"a device with a {device.lattice} lattice", "a square one")
     remedy = f"register patterns of the pixels of {device.name}: tmca calibrate patterns"
     check_size(calibration.where, "a registration", registration.codes, device.size or (), remedy)
-    wanted = _drawn(_camera(source), calibration)
+    camera = _camera(source)
+    sensor = calibration.about["camera"].get("sensor")
+    if sensor and tuple(sensor) != _sensor_of(camera):
+        check_fits(camera, calibration.without("registration"))
+    wanted = lab_camera(camera).code_map(camera, calibration)
     back = np.linalg.inv(registration.matrix[:, :2])
     affine = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])
     (a, b, c), (d, e, f) = affine.tolist()
@@ -300,11 +304,3 @@ def _camera(source: str | Path) -> Any:
     except (DataError, OSError):
         remedy = "simulate one with these codes: tmca simulate … --codes, --out sim.nc"
         raise DataError(source, "no snapshot", "one, whose camera says where codes fall", remedy) from None
-
-
-def _drawn(camera: Any, calibration: Calibration) -> Any:
-    """(2, 3) map from code to sensor pixels of the camera as it was drawn."""
-    sensor = calibration.about["camera"].get("sensor")
-    if sensor and tuple(sensor) != _sensor_of(camera):
-        check_fits(camera, calibration.without("registration"))
-    return lab_camera(camera).code_map(camera, calibration)

@@ -154,7 +154,8 @@ def measure_depth(
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
     depth, depth_std = triangulate(position, std, calibration, plan.across)
     reasons = by_range(why, depth, position, plan, (near, far))
-    residual = _no_cosine(phases, why)
+    lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
+    residual = float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
     _check_some(reasons, capture)
     reasons = by_company(reasons, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
     quality = quality_of(capture.source, "no cosine over the steps:", residual, _USUAL)
@@ -195,12 +196,6 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
         return why, spatial_unwrap(phases, plan.fringes, why == 0, unwrap)
     absolute, disagreement, risk = temporal_unwrap(phases, plan.fringes)
     return by_frequencies(why, disagreement, risk), absolute
-
-
-def _no_cosine(phases: Phases, why: Why) -> float:
-    """Share of the variation over the steps that is no cosine, of the median lit pixel and the worst frequency."""
-    lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
-    return float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
 
 
 def _check_some(why: Why, capture: Capture) -> None:
