@@ -17,8 +17,8 @@ from tmca.lab.calibration.capturing import capture_step, shots_of
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import steps_of
 from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import read_manifest
-from tmca.lab.light import Light
 
 BOTH = ("dli4120", "coded-exposure")
 

@@ -18,9 +18,9 @@ from tmca.cameras.motion import check_displacement
 from tmca.codes.buckets import bucket_shutters
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole, read_export
-from tmca.lab.light import Light
 
 _UNSEEN = 1e-12
 """Share of a slot below which a pattern is not seen: rounding."""

@@ -12,10 +12,9 @@ from torch import Tensor, nn
 from tmca.cameras import PhaseCodes, SpectralDepthCamera
 from tmca.errors import DataError
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.cameras.base import BRIGHT, LabCamera, check_light
+from tmca.lab.cameras.base import BRIGHT, LabCamera, Light, check_light
 from tmca.lab.cameras.spectral import band_brightness, middle_first
 from tmca.lab.display.codes import Planes
-from tmca.lab.light import Light
 from tmca.optics import FreeForm, ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
 from tmca.sensor import Sensor
