@@ -1,4 +1,4 @@
-"""Calibration and import of captures: the one file that knows where they are in ``tmca``."""
+"""Calibration, ground truth and import of captures: the one file that knows where they are in ``tmca``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from tmca.lab.calibration.psf import MODES, wavefront_rms
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.lab.calibration.steps import measure_all
 from tmca.lab.frames import write_frames
+from tmca.lab.ground_truth.fringes import FringePlan, write_fringes
+from tmca.lab.ground_truth.geometry import Lens, ProjectorCalibration, camera_rays
 from tmca.lab.importing import import_capture, without_pixels
 from tmca.lab.notes import CODES_DATE, now
 from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype
@@ -27,9 +29,10 @@ from tmca.optics.zernike import zernike_modes
 from tmca.training.snapshot_camera import scene_at, training_of
 
 __all__ = [
-    "CODES_DATE", "MODES", "Calibration", "MeasuredDispersion", "PixelShutter", "SingleDisperser", "StepSettings",
-    "block_shifts", "calibrated_snapshot", "calibration_patterns", "explained", "find_calibration", "fine_part",
-    "flattened", "import_capture", "load_calibration", "load_prototype", "measure_all", "measured_sensor",
-    "moved", "nominal_matrix", "now", "register_mask", "registered", "scene_at", "training_of", "wavefront_rms",
-    "without_pixels", "write_frames", "zernike_modes",
+    "CODES_DATE", "MODES", "Calibration", "FringePlan", "Lens", "MeasuredDispersion", "PixelShutter",
+    "ProjectorCalibration", "SingleDisperser", "StepSettings", "block_shifts", "calibrated_snapshot",
+    "calibration_patterns", "camera_rays", "explained", "find_calibration", "fine_part", "flattened",
+    "import_capture", "load_calibration", "load_prototype", "measure_all", "measured_sensor", "moved",
+    "nominal_matrix", "now", "register_mask", "registered", "scene_at", "training_of", "wavefront_rms",
+    "without_pixels", "write_frames", "write_fringes", "zernike_modes",
 ]  # fmt: skip

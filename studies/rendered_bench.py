@@ -302,6 +302,6 @@ def capture_scenes(
 
 def calibrate_bench(folder: Path) -> Calibration:
     """Every step of a rendered bench, as ``tmca calibrate all`` measures them."""
-    told = StepSettings(wavelength=REFERENCE, camera=folder / "snapshot.nc")
+    told = StepSettings(wavelength=REFERENCE, snapshot=folder / "snapshot.nc")
     *_, (_, found) = measure_all(folder, Calibration.empty(NAME), told)
     return found

@@ -186,14 +186,6 @@ def test_two_buckets_with_faults_reconstruct_as_a_bench_without(capsys, camera, 
     assert scores["faulty"] < scores["perfect"] - 0.5, scores
 
 
-@pytest.mark.usefixtures("exported")
-def test_a_bench_that_stops_while_it_is_calibrated_goes_on(capsys):
-    taken = ("calibrate", "capture", "timing", "shown", "--out", "bench")
-    assert "no answer after 3 frames" in refused(capsys, *taken, "--stops-after", "3", lines=None)
-    assert "measure it with" in said(capsys, *taken)
-    assert "seed 0" in refused(capsys, *taken, "--seed", "1", lines=None)
-
-
 @pytest.mark.parametrize(
     ("harm", "expected"),
     [

@@ -79,6 +79,7 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
         (["--device", "laser"], "simulated"), (["--scene", "coffee", "--timeout", "3"], "options of its own"),
         (["--scene", "coffee", "--snapshot", "sim.nc"], "--overwrite"), (["--scene", "coffee", "--bits", "40"], "bits"),
         (["--device", "folder"], "--set path: found none"),
+        (["--device", "mine", "--bits", "10"], "--bits: found 10, expected none before mine"),
         (["--device", "folder", "--set", "path=ex", "--set", "foo=1"], "--set foo: found a setting"),
         (["--scene", "coffee", "--hardware", "motion=100"], "motion"),
     ],
@@ -86,17 +87,6 @@ def test_what_cannot_be_is_one_line(capsys, arguments, words):
 def test_benches_that_cannot_be_are_one_line(capsys, tmp_path, options, words, ex):
     assert words in refused(capsys, "capture", "ex", *options)
     assert not (tmp_path / "captures").exists()
-
-
-def test_frames_of_two_scenes_are_never_mixed(capsys, tmp_path, ex):
-    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
-    before = (tmp_path / "f" / "captures.json").read_bytes()
-    for other in (["--scene", "chelsea"], ["--scene", "coffee", "--bits", "10"], ["--scene", "coffee", "--seed", "2"]):
-        said = refused(capsys, "capture", "ex", *other, "--out", "f", "--overwrite", lines=None)
-        assert "choose another folder" in said
-    assert (tmp_path / "f" / "captures.json").read_bytes() == before
-    said = refused(capsys, "capture", "ex", "--device", "mine", "--bits", "10")
-    assert "--bits: found 10, expected none before mine" in said
 
 
 def test_a_driver_gets_what_follows_the_first_sign_of_equality(monkeypatch, ex):
@@ -114,16 +104,6 @@ def test_a_driver_gets_what_follows_the_first_sign_of_equality(monkeypatch, ex):
     with pytest.raises(SystemExit):  # its frames are of another size
         main(["capture", "ex", "--device", "lamp", "--set", "roi=0,0,640,480", "--set", "key=a=b", "--set", "name=abc"])
     assert given == {"roi": "0,0,640,480", "key": "a=b", "name": "abc"}
-
-
-def test_frames_of_other_software_are_joined(tmp_path, ex):
-    main(["capture", "ex", "--scene", "coffee", "--out", "f"])
-    (tmp_path / "theirs").mkdir()
-    for file in (tmp_path / "f").glob("*.tif"):
-        file.rename(tmp_path / "theirs" / file.name)
-    main(["capture", "ex", "--device", "folder", "--set", "path=theirs", "--out", "g"])
-    one, other = Snapshot.load("f.nc"), Snapshot.load("g.nc")
-    torch.testing.assert_close(other.values / other.values.max(), one.values / one.values.max())
 
 
 def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):

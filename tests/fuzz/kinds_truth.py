@@ -43,7 +43,7 @@ def _read_fringes(path: Path) -> Any:
 
 
 def _projector(path: Path) -> None:
-    from tmca.lab.ground_truth.rendered import bench
+    from studies.rendered_table import bench
 
     bench((12, 16), (32, 64)).save(path)
 
@@ -56,8 +56,8 @@ def _read_projector(path: Path) -> Any:
 
 
 def _scan(path: Path) -> None:
+    from studies.rendered_table import render_scan
     from tmca.lab.frames import write_frames
-    from tmca.lab.ground_truth.rendered import render_scan
 
     seen = render_scan(0.2 + 0.6 * cube().astype(np.float64), bits=16, darks=2)
     path.mkdir()

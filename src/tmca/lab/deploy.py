@@ -95,39 +95,17 @@ def code_marks(taps: Taps) -> list[float]:
     return marks
 
 
-def write_description(about: Description, folder: Path, *, overwrite: bool = False) -> None:
-    """Write ``decoder.json``.
-
-    Raises:
-        OutputError: see `tmca.data.atomic_path`.
-    """
-    write_json(about.model_dump(), folder / DESCRIPTION, overwrite=overwrite)
-
-
 def read_description(folder: Path) -> Description:
     """Read ``decoder.json``.
 
     Raises:
-        DataError: none in the folder, or one that `write_description` did not write.
+        DataError: none in the folder, or another JSON file.
     """
     file = folder / DESCRIPTION
     if not file.is_file():
         raise DataError(folder, f"no {DESCRIPTION}", "a folder of `tmca decoder export`")
     about: Description = read_json(file, Description)
     return about
-
-
-def check_shapes(about: Description, camera: SpectralCamera, where: object) -> None:
-    """Raises DataError unless snapshot, scene and bands of a camera are those of the decoder."""
-    for name, shape, wanted in (
-        ("a snapshot", camera.snapshot_shape, about.snapshot[1:]),
-        ("a scene", camera.scene_shape, about.scene[1:]),
-    ):
-        if shape != wanted:
-            raise DataError(where, f"{name} of shape {(1, *shape)}", f"{(1, *wanted)} as the decoder's")
-    if not same_bands(camera.wavelengths, about.wavelengths_m):
-        found, expected = (_said(waves) for waves in (camera.wavelengths, about.wavelengths_m))
-        raise DataError(where, f"bands from {found}", f"{expected} as the decoder's")
 
 
 def check_camera(about: Description, camera: Any, where: object, *, withheld: bool = False) -> None:
@@ -141,7 +119,13 @@ def check_camera(about: Description, camera: Any, where: object, *, withheld: bo
     """
     if camera.kind != SpectralCamera.kind:
         raise DataError(where, f"a {camera.kind} camera", "the spectral camera of the decoder")
-    check_shapes(about, camera, where)
+    shapes = {"snapshot": camera.snapshot_shape, "scene": camera.scene_shape}
+    for name, shape in shapes.items():
+        if (wanted := getattr(about, name)) != (1, *shape):
+            raise DataError(where, f"a {name} of shape {(1, *shape)}", f"{wanted} as the decoder's")
+    if not same_bands(camera.wavelengths, about.wavelengths_m):
+        found, expected = (_said(waves) for waves in (camera.wavelengths, about.wavelengths_m))
+        raise DataError(where, f"bands from {found}", f"{expected} as the decoder's")
     with torch.no_grad():
         operator = camera.operator()
     marks = np.array(code_marks(operator.taps)) if isinstance(operator, TapOperator) else np.inf
@@ -198,7 +182,12 @@ def export_decoder(
         _written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite)
         for one, decoder in decoders.items()
     ]
-    write_description(_described(weights, camera, decoders[formats[0]], files), folder, overwrite=overwrite)
+    about = Description(
+        weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
+        wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
+        codes=tuple(code_marks(decoders[formats[0]].operator.taps)), files=tuple(files),
+    )  # fmt: skip
+    write_json(about.model_dump(), folder / DESCRIPTION, overwrite=overwrite)
     return files
 
 
@@ -217,23 +206,12 @@ def _fixed(weights: Weights, camera: SpectralCamera, noise: Noise, format: str) 
     return CameraDecoder(weights, operator, noise, _OPERATORS[format]).eval()
 
 
-def _described(
-    weights: Weights, camera: SpectralCamera, decoder: CameraDecoder, files: list[DecoderFile]
-) -> Description:
-    return Description(
-        weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
-        wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
-        codes=tuple(code_marks(decoder.operator.taps)), files=tuple(files),
-    )  # fmt: skip
-
-
-def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: bool = False) -> list[DecoderFile]:
+def check_decoder(folder: str | Path, run: str | Path, trust: bool = False) -> list[DecoderFile]:
     """Compare the files of an exported decoder with the run they were made from, on random input.
 
     Args:
         folder: of `export_decoder`.
         run: folder of the run, or its weights.
-        seed: of the input.
         trust: see `load_exported`.
 
     Raises:
@@ -244,7 +222,7 @@ def check_decoder(folder: str | Path, run: str | Path, seed: int = 1, trust: boo
     camera = _camera(weights, (about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
-    snapshot, checked = _random(camera.snapshot_shape, seed), []
+    snapshot, checked = _random(camera.snapshot_shape, seed=1), []
     for entry in about.files:
         error = _difference(decoder, load_exported(Path(folder) / entry.file, trust), snapshot)
         _check_close(Path(folder) / entry.file, error)
@@ -333,10 +311,8 @@ def _sensor(weights: Weights, noise: float | None) -> Sensor:
 
 
 def _check_formats(formats: tuple[str, ...]) -> None:
-    unknown = [one for one in formats if one not in FORMATS]
-    if unknown or not formats:
-        found = unknown[0] if unknown else "none"
-        raise SettingError("formats", found, f"some of {', '.join(FORMATS)}")
+    if (unknown := sorted({*formats} - {*FORMATS})) or not formats:
+        raise SettingError("formats", ", ".join(unknown) or "none", f"some of {', '.join(FORMATS)}")
     if "onnx" in formats:
         for name in ("onnx", "onnxscript", "onnxruntime"):
             package(name)

@@ -56,7 +56,8 @@ def read_frames(path: str | Path, saturation: float | None = None, *, buckets: b
     if saturation is not None:
         check_range("saturation", saturation, above=0)
     if path.is_dir():
-        names, arrays = _of_folder(path, buckets)
+        files = frame_files(path)
+        names, arrays = tuple(f.stem for f in files), [_grey_axes(read_array(f), f, buckets) for f in files]
     elif path.is_file():
         names, arrays = _of_stack(path)
     else:
@@ -79,6 +80,14 @@ def check_size(where: object, what: str, found: Sequence[int], wanted: Sequence[
     if tuple(found) != tuple(wanted):
         one, other = ("×".join(map(str, size)) for size in (found, wanted))
         raise DataError(where, f"{what} of {one} pixels", f"{other} pixels", remedy)
+
+
+def check_saturation(frames: Frames, most: float) -> None:
+    """Raises DataError for a frame of which more than this share is saturated."""
+    share = frames.saturated.reshape(len(frames.names), -1).mean(axis=1)
+    if share.max() > most:
+        found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
+        raise DataError(frames.source, found, f"{most:.0%} at most", "expose for less time")
 
 
 def named(frames: Frames, pattern: re.Pattern[str], example: str) -> list[tuple[float, ...]]:
@@ -111,11 +120,6 @@ def frame_files(folder: Path) -> list[Path]:
 def coloured(frame: NDArray[Any]) -> bool:
     """Whether a frame has colours on its last axis."""
     return frame.ndim == 3 and frame.shape[-1] in (1, 2, 3, 4)
-
-
-def _of_folder(folder: Path, buckets: bool) -> tuple[tuple[str, ...], list[NDArray[Any]]]:
-    files = frame_files(folder)
-    return tuple(f.stem for f in files), [_grey_axes(read_array(f), f, buckets) for f in files]
 
 
 def _of_stack(file: Path) -> tuple[tuple[str, ...], list[NDArray[Any]]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AliasChoices, Field, model_validator
 
 from tmca.attributes import Attributes
 
@@ -93,23 +93,15 @@ class GraphUserInput(Attributes):
 
 class GraphStored(Attributes):
     arg: GraphName
-    stored: str = Field(alias="parameter_name")
-
-
-class GraphBuffer(GraphStored):
-    stored: str = Field(alias="buffer_name")
-
-
-class GraphConstant(GraphStored):
-    stored: str = Field(alias="tensor_constant_name")
+    stored: str = Field(validation_alias=AliasChoices("parameter_name", "buffer_name", "tensor_constant_name"))
 
 
 class GraphSpec(Attributes):
     """Where an input of the graph comes from."""
 
     parameter: GraphStored | None = None
-    buffer: GraphBuffer | None = None
-    tensor_constant: GraphConstant | None = None
+    buffer: GraphStored | None = None
+    tensor_constant: GraphStored | None = None
     user_input: GraphUserInput | None = None
 
 

@@ -31,7 +31,11 @@ def load_exported(file: str | Path, trust: bool = False) -> Callable[[Tensor], T
     if not file.is_file():
         raise DataError(file, "no such file", "an exported decoder", "write it with `tmca decoder export`")
     if file.suffix == ".pt2":
-        return _loaded_by_torch(file) if trust else load_program(file)
+        if not trust:
+            return load_program(file)
+        with _loading(file), quiet("torch.export"):
+            program: Callable[[Tensor], Tensor] = torch.export.load(str(file)).module()
+        return program
     return _loaded_by_onnx(file)
 
 
@@ -45,12 +49,6 @@ def _loading(file: Path) -> Iterator[None]:
     except Exception as error:  # each loader has errors of its own for a broken file
         found = f"a file that cannot be read ({type(error).__name__})"
         raise DataError(file, found, "an exported decoder", "write it again with `tmca decoder export`") from error
-
-
-def _loaded_by_torch(file: Path) -> Callable[[Tensor], Tensor]:
-    with _loading(file), quiet("torch.export"):
-        program = torch.export.load(str(file)).module()
-    return lambda snapshot: program(snapshot)
 
 
 def _loaded_by_onnx(file: Path) -> Callable[[Tensor], Tensor]:

@@ -12,6 +12,7 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.registering import MaskImage
 from tmca.yaml_files import read_yaml
 
+_FOLDER = Path(__file__).parent / "prototypes"
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Nanometres = Annotated[float, Field(gt=100, lt=100_000, allow_inf_nan=False)]
 
@@ -123,7 +124,7 @@ _ADAPTER: TypeAdapter[SingleDisperser | PixelShutter] = TypeAdapter(Prototype)
 
 def prototype_names() -> list[str]:
     """Prototypes that come with the package."""
-    return sorted(file.stem for file in _folder().glob("*.yaml"))
+    return sorted(file.stem for file in _FOLDER.glob("*.yaml"))
 
 
 def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
@@ -134,7 +135,7 @@ def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
         DataError: a description with something missing, unknown or impossible; the first of them is named.
     """
     if str(name) in prototype_names():
-        file = _folder() / f"{name}.yaml"
+        file = _FOLDER / f"{name}.yaml"
     elif not (file := Path(name)).is_file():
         raise SettingError("--prototype", repr(str(name)), f"{', '.join(prototype_names())}, or a YAML file")
     try:
@@ -144,7 +145,3 @@ def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
         place = ".".join(str(part) for part in first["loc"]) or "the description"
         found = f"{place}: {first['msg'].removeprefix('Value error, ')}"
         raise DataError(name, found, "the description of a prototype", "docs/real-captures.md has one") from None
-
-
-def _folder() -> Path:
-    return Path(__file__).parent / "prototypes"

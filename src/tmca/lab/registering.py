@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any
 
@@ -18,6 +17,10 @@ Array = NDArray[np.float64]
 Factor = Annotated[float, Field(gt=0.9, lt=1.1)]
 _BROAD, _SMOOTH = 5.0, 4.0
 """Pixels: Gaussian width of the local mean, and of what counts as slow in mask and capture."""
+_REACH, _MASK_BLUR = 1.6, 0.6
+"""Pixels: largest displacement of a block that is looked at, and blur of the mask."""
+_LEAST = 0.35
+"""Share of a block that the mask has to explain."""
 
 
 class MaskImage(BaseModel):
@@ -100,8 +103,6 @@ def block_shifts(
     *,
     black: float = 0.0,
     side: int = 72,
-    reach: float = 1.6,
-    blur: float = 0.6,
 ) -> Array:
     """Vertical displacement of the mask in every block with light.
 
@@ -111,14 +112,12 @@ def block_shifts(
         offsets: columns of the bands.
         black: level of the capture without light.
         side: of the blocks, pixels.
-        reach: largest displacement looked at, pixels.
-        blur: of the mask, pixels.
 
     Returns:
         (blocks, 4): row and column of the block's middle, displacement (pixels), share that is explained.
     """
-    steps = np.arange(-reach, reach + 0.1, 0.2)
-    masks = [fine_part(registered(mask, MaskImage(shift=(step, 0.0), blur=blur))) for step in steps]
+    steps = np.arange(-_REACH, _REACH + 0.1, 0.2)
+    masks = [fine_part(registered(mask, MaskImage(shift=(step, 0.0), blur=_MASK_BLUR))) for step in steps]
     flat, blocks = fine_part(flattened(capture, black)), []
     for top, left in _blocks(np.asarray(capture, dtype=np.float64) - black, side, 0.1):
         block = flat[top : top + side, left : left + side]
@@ -135,7 +134,6 @@ def register_mask(
     *,
     black: float = 0.0,
     side: int = 72,
-    least: float = 0.35,
 ) -> tuple[MaskImage, float]:
     """Vertical scale and shift of the mask's image in captures, and the blocks' deviation from them (pixels).
 
@@ -145,7 +143,6 @@ def register_mask(
         offsets: columns of the bands.
         black: level of the captures without light.
         side: of the blocks, pixels.
-        least: share of a block that the mask has to explain.
 
     Raises:
         DataError: a mask of another size than the captures, or fewer than eight blocks that show it.
@@ -158,7 +155,7 @@ def register_mask(
         remedy = "give the mask of these captures: its width and its bands' displacement are theirs"
         check_size("captures", "one", capture.shape, wide, remedy)
     blocks = np.concatenate([block_shifts(one, mask, offsets, black=black, side=side) for one in captures])
-    used = blocks[blocks[:, 3] >= least]
+    used = blocks[blocks[:, 3] >= _LEAST]
     if len(used) < 8:
         found = f"{len(used)} of {len(blocks)} blocks that show the mask"
         raise DataError("captures", found, "8 or more", "give brighter or smoother scenes, or another mask")
@@ -196,31 +193,20 @@ _CLEAR = 6.0
 """Standard deviations of the other places by which the best one has to lead."""
 
 
-@dataclass(frozen=True)
-class ShutterPlace:
-    """What a capture says of its shutter.
-
-    Args:
-        shift: rows and columns by which the patterns are displaced on the sensor.
-        first_slot: with which the exposure began; slots before it come after the last one.
-        lead: of the best shift over the others, in their standard deviations; infinite where it was known.
-    """
-
-    shift: tuple[int, int]
-    first_slot: int
-    lead: float
-
-
 def shutter_place(
     values: NDArray[np.floating], shutter: NDArray[np.integer], reach: int = 6, fixed: tuple[int, int] | None = None
-) -> ShutterPlace:
+) -> tuple[tuple[int, int], int]:
     """Find the shift whose slots explain most of a capture, and the seam between the exposure's end and beginning.
 
     Args:
         values: (H, W) of the capture.
         shutter: (H, W, K), every pixel open in one slot.
         reach: pixels up to which shifts are tried.
-        known: shift, where another capture told it.
+        fixed: the shift, where another capture told it.
+
+    Returns:
+        Rows and columns by which the patterns are displaced on the sensor, and the slot with which the exposure began:
+        those before it come after the last one.
 
     Raises:
         SettingError: pixels that open in none or several slots, patterns of another size, or a known shift as large.
@@ -233,13 +219,11 @@ def shutter_place(
             "shift", f"{fixed[0]},{fixed[1]}", f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
         )
     slots, rest, count = shutter.argmax(-1), _fine_part(values), shutter.shape[-1]
-    shift, lead = (fixed, np.inf) if fixed is not None else _best_shift(rest, slots, count, reach)
-    return ShutterPlace(shift, seam_of(*overlapping(rest, slots, shift), count), lead)
+    shift = fixed or _best_shift(rest, slots, count, reach)
+    return shift, seam_of(*overlapping(rest, slots, shift), count)
 
 
-def _best_shift(
-    rest: NDArray[np.floating], slots: NDArray[np.integer], count: int, reach: int
-) -> tuple[tuple[int, int], float]:
+def _best_shift(rest: NDArray[np.floating], slots: NDArray[np.integer], count: int, reach: int) -> tuple[int, int]:
     shifts = [(dy, dx) for dy, dx in product(range(-reach, reach + 1), repeat=2)]
     scores = np.array([explained_by_time(*overlapping(rest, slots, shift), count) for shift in shifts])
     best = int(scores.argmax())
@@ -248,7 +232,7 @@ def _best_shift(
     if lead < _CLEAR:
         found = f"a best shift {lead:.1f} standard deviations above the others"
         raise DataError("shutter", found, f"{_CLEAR:g}", "take a capture of something that moves behind a random code")
-    return shifts[best], lead
+    return shifts[best]
 
 
 def overlapping(

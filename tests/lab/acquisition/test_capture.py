@@ -258,7 +258,7 @@ def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
     capture(export, bench_of(camera), tmp_path / "whole", repeats=2)
     with pytest.raises(DeviceError):
         capture(export, bench_of(camera, stops_after=3), tmp_path / "parts", repeats=2)
-    capture(export, bench_of(camera, taken=3), tmp_path / "parts", repeats=2)
+    capture(export, bench_of(camera), tmp_path / "parts", repeats=2)
     names = sorted(file.name for file in (tmp_path / "whole").glob("*.tif"))
     slots = [f"slot_00{k}{end}.tif" for k in range(3) for end in ("", "_r1")]
     assert names == ["dark.tif", *(f"dark_r{n}.tif" for n in (1, 2, 3)), *slots]
@@ -266,31 +266,6 @@ def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "parts" / name).read_bytes()
     frames = [tifffile.imread(tmp_path / "whole" / name) for name in names]
     assert len({frame.tobytes() for frame in frames}) == len(frames)
-
-
-@pytest.mark.parametrize("moment", [0, 1, 2, 3])
-def test_a_capture_whose_process_is_killed_at_its_first_frame_goes_on(tmp_path, monkeypatch, moment):
-    """Whatever file is being put in its place: the list, the frame, the list again."""
-    import tmca.data.atomic as write
-
-    camera, export, calls = spectral(), exported(tmp_path, spectral()), []
-    own, remove = write._place, write._remove
-
-    def killed(temporary, path, overwrite):
-        calls.append(path)
-        if len(calls) > moment:
-            raise KeyboardInterrupt
-        own(temporary, path, overwrite)
-
-    monkeypatch.setattr(write, "_place", killed)
-    monkeypatch.setattr(write, "_remove", lambda path: None)
-    with pytest.raises(KeyboardInterrupt):
-        capture(export, bench_of(camera), tmp_path / "f")
-    assert any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
-    monkeypatch.setattr(write, "_place", own)
-    monkeypatch.setattr(write, "_remove", remove)
-    joined(capture(export, bench_of(camera), tmp_path / "f"), export, camera)
-    assert not any(file.name.startswith(".") for file in (tmp_path / "f").iterdir())
 
 
 def test_frames_are_no_capture_of_a_camera_with_other_codes(taken):

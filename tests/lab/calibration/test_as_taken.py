@@ -7,12 +7,10 @@ import pytest
 import torch
 
 from tests.lab.calibration.test_apply import WAVES, dispersed, registered, with_parts
-from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.errors import DataError
 from tmca.lab.calibration import file as calibration_file
 from tmca.lab.calibration.apply import bench_of, calibrated, calibrated_snapshot
-from tmca.lab.calibration.displacement import MeasuredShear
-from tmca.lab.calibration.psf import ZernikeFit
 from tmca.lab.calibration.sensor import DarkField, FlatField
 from tmca.lab.calibration.timing import Timing
 
@@ -26,23 +24,6 @@ def saved(folder, when=None, monkeypatch=None, **parts):
 def taken(bench, *scene):
     with torch.no_grad():
         return bench.recorded(Snapshot(bench.camera(*scene), bench.camera))
-
-
-@pytest.mark.parametrize("shifts", [(-2.5, 0.0, 2.5), (-0.6, 0.0, 0.3), (-2.0, 0.0, 1.0)])
-def test_light_falls_on_the_columns_where_it_was_measured(tmp_path, shifts):
-    camera = SpectralCamera(WAVES, (6, 20), 2, aperture="open", shutter="open", dispersion=[0.0, 1.0, 2.0])
-    matrix = [[1, 0, 0], [0, 1, 1]]  # scene column 10 is sensor column 11 at 550 nm
-    known = saved(
-        tmp_path, registration=registered((6, 20), camera.snapshot_shape[1:], matrix), dispersion=dispersed(shifts)
-    )
-    bench = bench_of(camera, known.path)
-    for band, shift in enumerate(shifts):
-        scene = torch.zeros(1, 3, 6, 20)
-        scene[0, band, 3, 10] = 1
-        found = taken(bench, scene)
-        assert found.values.shape == (1, 1, 6, 22)
-        line = found.values[0, 0, 3]
-        assert float((line * torch.arange(22)).sum() / line.sum()) == pytest.approx(11 + shift, abs=1e-4)
 
 
 @pytest.mark.parametrize("size", [(7, 20), (8, 21)])
@@ -70,32 +51,6 @@ def test_a_sensor_is_as_noisy_as_it_was_measured(tmp_path):
     known = saved(tmp_path, dark=dark, flat=flat)
     snapshot = taken(bench_of(camera, known.path), torch.zeros(1, 3, 3, 40, 41))
     assert float(snapshot.values.std()) == pytest.approx(8 * camera.full_scale / 2000, rel=0.05)
-
-
-def test_views_are_sheared_as_they_were_measured(tmp_path):
-    camera = LightFieldCamera(3, (8, 9), 2)
-    places = np.array([(v, u) for v in (-1, 0, 1) for u in (-1, 0, 1)])
-    light = 1 - 0.1 * (places**2).sum(axis=1)
-    step = np.array([1.2, 0.9])
-    shear = MeasuredShear(places, -step * places, step, np.zeros(2), np.zeros(2), 0.0, light)
-    known = saved(tmp_path, shear=shear)
-    scene = torch.rand(1, 3, 3, 8, 9)
-    with torch.no_grad():
-        wanted, nominal = calibrated(camera, known).A(scene), camera.A(scene)
-    found = taken(bench_of(camera, known.path), scene).values
-    assert torch.allclose(found, wanted, atol=1e-6)
-    assert not torch.allclose(found, nominal, atol=0.1)
-
-
-def test_a_mask_is_as_deformed_as_it_was_measured(tmp_path):
-    camera = SpectralDepthCamera(3, (40, 41), 1, shutter="open")
-    fit = ZernikeFit(((2, 0), (3, 1)), np.array([5e-8, -4e-8]), np.zeros(2), np.zeros((2, 2)), 0.0, 1)
-    known = saved(tmp_path, wavefront0=fit)
-    scene, depth = torch.rand(1, 3, 40, 41), torch.full((1, 1, 40, 41), 0.75)
-    snapshot = taken(bench_of(camera, known.path), scene, depth)
-    with torch.no_grad():
-        assert torch.allclose(snapshot.values, calibrated(camera, known).A(scene, depth), atol=1e-5)
-        assert not torch.allclose(snapshot.values, camera.A(scene, depth), atol=1e-3)
 
 
 def test_codes_that_are_drawn_are_as_old_as_the_calibration_they_are_shown_under(tmp_path, monkeypatch):

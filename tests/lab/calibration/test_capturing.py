@@ -17,8 +17,8 @@ from tmca.lab.calibration.capturing import capture_step, shots_of
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import steps_of
 from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import read_manifest
-from tmca.lab.light import Light
 
 BOTH = ("dli4120", "coded-exposure")
 
@@ -126,7 +126,7 @@ def test_a_stopped_step_goes_on_and_keeps_its_frames(tmp_path):
         capture_step("timing", export, bench_of(camera, stops_after=5), out, camera)
     kept = {file.name: file.stat().st_mtime_ns for file in (out / "timing").glob("*.tif")}
     assert len(kept) == 5
-    folder = capture_step("timing", export, bench_of(camera, taken=5), out, camera)
+    folder = capture_step("timing", export, bench_of(camera), out, camera)
     assert len(list(folder.glob("*.tif"))) == 9
     assert all((folder / name).stat().st_mtime_ns == time for name, time in kept.items())
 

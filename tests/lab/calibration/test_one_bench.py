@@ -34,17 +34,17 @@ def measured(folder, export, camera, hardware, asked=None, known=None):
     waves = tuple(getattr(camera, "wavelengths", ()))
     asked = asked or Asked(frames=8, wavelengths=(*waves[2:], *waves[:2]))
     manifest = read_manifest(export)
-    for index, step in enumerate(steps_of(camera, manifest)):
+    for step in steps_of(camera, manifest):
         if step == "linearity" and camera.sensor.full_well is None:
             continue
-        how = {"hardware": hardware, "taken": 1000 * index, "whole": exposed_whole(manifest)}
+        how = {"hardware": hardware, "whole": exposed_whole(manifest)}
         bench = find_device("simulated", camera=camera, scene=[], **how)
         capture_step(step, export, bench, folder, camera, asked, bench={"driver": "simulated"})
     return list(measure_all(folder, Calibration.empty(), known or StepSettings(curve="measured")))[-1][1]
 
 
 def taken(folder, export, camera, hardware=None):
-    how = {"hardware": hardware, "taken": 90_000, "whole": exposed_whole(read_manifest(export))}
+    how = {"hardware": hardware, "whole": exposed_whole(read_manifest(export))}
     bench = find_device("simulated", camera=camera, scene=[scene_of(camera)], **how)
     return joined(capture(export, bench, folder, gain=bench.gain), export, camera)
 

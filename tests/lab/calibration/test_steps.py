@@ -68,11 +68,11 @@ class Bench:
         self.steps = steps_of(self.camera, self.manifest)
         waves = LABS[kind].wavelengths(self.camera)
         self.asked = Asked(8, tuple(waves), tuple(LABS[kind].depths(self.camera)))
-        for index, step in enumerate(self.steps):
-            how = {"hardware": self.hardware, "taken": 1000 * index, "whole": exposed_whole(self.manifest)}
+        for step in self.steps:
+            how = {"hardware": self.hardware, "whole": exposed_whole(self.manifest)}
             device = find_device("simulated", camera=self.camera, scene=[], **how)
             capture_step(step, self.export, device, self.folder, self.camera, self.asked, bench={"driver": "simulated"})
-        self.given = StepSettings(curve="measured", camera=folder / "taken.nc")
+        self.given = StepSettings(curve="measured", snapshot=folder / "taken.nc")
         self.calibration = list(measure_all(self.folder, Calibration.empty(kind), self.given))[-1][1]
 
     def truth(self):

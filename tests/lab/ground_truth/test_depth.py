@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from studies.rendered_table import bench, render_fringes, scene_depth
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.ground_truth.depth import REASONS, measure_depth
 from tmca.lab.ground_truth.fringes import Capture, FringePlan
 from tmca.lab.ground_truth.geometry import ProjectorCalibration
-from tmca.lab.ground_truth.rendered import bench, render_fringes, scene_depth
 
 SIZE, RANGE, RAYS = (80, 107), 1.2, 3
 FINE = tuple(n * RAYS for n in SIZE)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from studies.rendered_table import bench, render_fringes, scene_depth
 from tmca.errors import DataError, SettingError
 from tmca.lab.frames import read_frames
 from tmca.lab.ground_truth.depth import measure_depth
 from tmca.lab.ground_truth.fringes import Capture, FringePlan, load_plan, read_capture, write_fringes
-from tmca.lab.ground_truth.rendered import bench, render_fringes, scene_depth
 
 SIZE = (48, 65)
 PLAN = FringePlan()

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from studies.rendered_table import render_scan
 from tmca.data import label, nm_to_metres
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.lab.ground_truth.rendered import render_scan
 from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, white_of
 from tmca.lab.ground_truth.spectra import compare_spectra, read_spectra
 from tmca.metrics import sam

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from studies.rendered_table import bench
 from tmca.data.depth_maps import disparity_to_depth
 from tmca.errors import DataError
 from tmca.lab.ground_truth.geometry import Lens, ProjectorCalibration, camera_rays, load_calibration, triangulate
-from tmca.lab.ground_truth.rendered import bench
 
 BENT = np.array([-0.12, 0.03, 0.001, -0.002, 0.004])
 

@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import Literal
 
 from cyclopts import App
 
+from tmca.cli.lab.calibrate_steps import measured_all, residual_lines, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
 
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
-for name, text in {
-    "dark": "Offset, read noise and hot pixels, from frames without light.",
-    "flat": "Response of every pixel, and the level of white, from frames of even light.",
-    "linearity": "Linearity, saturation and electrons per digital number, from a series of exposures.",
-    "registration": "Where mask pixels fall on the sensor, from captures of known patterns.",
-    "dispersion": "Displacement and response of every wavelength, from monochromatic captures.",
-    "shear": "Pixels per view, and the light of views, from captures with one view open.",
-    "buckets": "How the buckets of a pixel share its light, from captures of even light in each.",
-    "timing": "Delay and duration of the shutter's slots, from captures with one slot open.",
-    "psf": "Point spread functions and the wavefront of a mask, from captures of a point source.",
-}.items():
-    app.command(f"tmca.cli.lab.calibrate_steps:{name}", name=name, help=text)
-
+for _name, _command in step_commands():
+    app.command(_command, name=_name)
+app.command(measured_all, name="all")
 app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
-)
-app.command(
-    "tmca.cli.lab.calibrate_steps:measured_all",
-    name="all",
-    help="Every step whose frames are in a folder, in order.",
 )
 
 
@@ -69,7 +55,7 @@ def guide() -> None:
 
 @app.command
 def patterns(
-    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: bool = False
+    folder: Path, /, *, device: str = "64x80", count: Whole = 2, seed: Whole = 0, overwrite: Overwrite = False
 ) -> None:
     """Write the patterns to show into FOLDER: open, dark and random ones, a PNG each.
 
@@ -78,7 +64,6 @@ def patterns(
         device: HEIGHTxWIDTH of the mask, pixels.
         count: of random patterns.
         seed: of them.
-        overwrite: replace the folder if it exists.
     """
     from tmca.lab.calibration.captures import write_patterns
 
@@ -96,7 +81,7 @@ def render(
     slots: Whole = 4,
     snr: float = 40.0,
     seed: Whole = 0,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a rendered bench into FOLDER: captures for every step, a raw snapshot, and the hidden truth.
 
@@ -107,7 +92,6 @@ def render(
         slots: of its codes.
         snr: of captures of patterns and points, dB.
         seed: of the truth, the codes and the noise.
-        overwrite: replace the folder if it exists.
     """
     from tmca.cli.studies import study_module
     from tmca.data import check_target
@@ -120,27 +104,23 @@ def render(
 
 
 @app.command
-def show(calibration: Path, /, *, json: bool = False) -> None:
+def show(calibration: Path, /, *, json: Json = False) -> None:
     """Say what CALIBRATION holds: of which camera, when measured, with which residuals, from what.
 
     Args:
         calibration: file, or its name without the date for the newest.
-        json: print JSON instead of text.
     """
-    from tmca.cli.lab.calibrate_steps import say_residuals
     from tmca.lab.calibration.file import load_calibration
 
     found = load_calibration(calibration)
     about = found.about
-    if json:
-        print(json_module.dumps({"calibration": str(found.path), **about}, indent=1))
-        return
     camera = about["camera"]
     sizes = [f"{what} {'×'.join(map(str, camera[what]))}" for what in ("sensor", "codes") if camera[what]]
-    print(f"{found.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}")
+    lines = [f"{found.path}: camera {camera['name']}, {', '.join(sizes)}, written {about['created']}"]
     for name, step in about["steps"].items():
-        print(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
-        say_residuals(step["residuals"])
+        lines.append(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
+        lines += residual_lines(step["residuals"])
+    say({"calibration": str(found.path), **about}, json, *lines)
 
 
 @app.command
@@ -150,9 +130,9 @@ def proof(
     size: str = "64x80",
     snr: float = 40.0,
     out: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Calibrate rendered benches from their captures alone, and hold what was found against their hidden truth.
 
@@ -161,11 +141,7 @@ def proof(
         size: HEIGHTxWIDTH of the scenes, pixels.
         snr: of the captures, dB.
         out: JSON file of the results.
-        figure: picture of the spectral reconstructions (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
-    from tmca.cli.options.output import check_figure, check_targets
     from tmca.cli.studies import study_module
     from tmca.data import plain, write_json
     from tmca.plots.style import save_figure
@@ -178,4 +154,4 @@ def proof(
         write_json(results.stated(), out, overwrite=overwrite)
     if figure is not None:
         save_figure(proofs.reconstructions_figure(results), figure, overwrite=overwrite)
-    print(json_module.dumps(plain(results.stated()), indent=1) if json else proofs.table_of(results.stated()))
+    say(plain(results.stated()), json, proofs.table_of(results.stated()))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json as json_module
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Group, Parameter
 
 from tmca.cli.options.numbers import On, Whole, size
+from tmca.cli.options.output import say
 
 if TYPE_CHECKING:
     from tmca.lab.calibration.file import Calibration
+    from tmca.lab.calibration.fits import StepSettings
 
+_REQUIRED: Any = inspect.Parameter.empty
 _OUTPUT = Group("Calibration", sort_key=3)
 Curve = Literal["cauchy", "polynomial", "measured"]
 
@@ -72,40 +75,33 @@ class CalibrationOptions:
         if self.figures and saved.path is not None:
             save_figure(part_figure(saved, part, saved.path.stem), saved.path.with_suffix(".png"))
         residuals = saved.about["steps"][part]["residuals"]
-        if self.json:
-            print(json_module.dumps({"calibration": str(saved.path), "step": part, **plain(residuals)}, indent=1))
-            return
-        print(f"{saved.path}: {part}")
-        say_residuals(residuals)
+        about = {"calibration": str(saved.path), "step": part, **plain(residuals)}
+        say(about, self.json, f"{saved.path}: {part}", *residual_lines(residuals))
 
 
 _USUAL = CalibrationOptions()
 
 
-def say_residuals(residuals: Mapping[str, Any]) -> None:
+def residual_lines(residuals: Mapping[str, Any]) -> list[str]:
     """A line for each."""
-    for name, value in residuals.items():
-        shown = "not known" if value is None or value != value else f"{value:.5g}"
-        print(f"  {name.replace('_', ' '):<32} {shown}")
+    shown = {
+        name: "not known" if value is None or value != value else f"{value:.5g}" for name, value in residuals.items()
+    }
+    return [f"  {name.replace('_', ' '):<32} {value}" for name, value in shown.items()]
 
 
-def _metres(wavelength: float | None) -> float | None:
-    """Of a wavelength in nm."""
+def _settings(how: CalibrationOptions, **given: Any) -> StepSettings:
+    """What options of steps say, in SI units."""
     from tmca.data import nm_to_metres
     from tmca.errors import check_range
-
-    if wavelength is None:
-        return None
-    check_range("--wavelength", wavelength, 100, 20000, unit="nm")
-    return float(nm_to_metres(wavelength))
-
-
-def _measured(step: str, captures: Path, how: CalibrationOptions, part: str = "", **given: Any) -> None:
     from tmca.lab.calibration.fits import StepSettings
-    from tmca.lab.calibration.steps import measure
 
-    asked = StepSettings(saturation=how.saturation, **given)
-    how.finished(measure(step, how.started(), captures, asked), part or step)
+    if given.get("wavelength") is not None:
+        check_range("--wavelength", given["wavelength"], 100, 20000, unit="nm")
+        given["wavelength"] = float(nm_to_metres(given["wavelength"]))
+    if "device" in given:
+        given["device"] = size(given["device"], "--device")
+    return StepSettings(saturation=how.saturation, **given)
 
 
 def measured_all(
@@ -132,133 +128,78 @@ def measured_all(
         scale: sensor pixels per mask pixel, to 6 %.
         snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
     """
-    from tmca.lab.calibration.fits import StepSettings
     from tmca.lab.calibration.steps import measure_all
 
-    given = StepSettings(
-        reflectance=reflectance, wavelength=_metres(wavelength), scale=scale, power=power, curve=curve,
-        camera=snapshot, saturation=how.saturation,
-    )  # fmt: skip
-    for step, calibration in measure_all(folder, how.started(), given):
+    given: dict[str, Any] = {"reflectance": reflectance, "wavelength": wavelength, "scale": scale, "power": power}
+    asked = _settings(how, **given, curve=curve, snapshot=snapshot)
+    for step, calibration in measure_all(folder, how.started(), asked):
         how.finished(calibration, step)
 
 
-def dark(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
-    """Offset, read noise and hot pixels, from CAPTURES without light.
-
-    Args:
-        captures: folder of frames (PNG, TIFF, NPY) or a stack; two or more, exposed like the others.
-    """
-    _measured("dark", captures, how)
-
-
-def flat(
-    captures: Path, /, *, white: Path | None = None, reflectance: float = 1.0, how: CalibrationOptions = _USUAL
-) -> None:
-    """Response of every pixel, from CAPTURES of even light; the level of white.
-
-    Args:
-        captures: folder or stack of frames of even light, two or more.
-        white: frames of a white scene, mask and shutter held open for a snapshot's exposure.
-        reflectance: of that scene: 0.5 of a grey reference, which does not saturate.
-    """
-    _measured("flat", captures, how, white=white, reflectance=reflectance)
-
-
-def linearity(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
-    """Linearity, saturation and electrons per digital number, from CAPTURES of even light.
-
-    Args:
-        captures: folder of frames named by their exposure, such as even_5ms_0; two or more at each.
-    """
-    _measured("linearity", captures, how)
-
-
-def registration(
-    captures: Path,
-    /,
-    *,
-    patterns: Path,
-    wavelength: float | None = None,
-    scale: float = 1.0,
-    device: str | None = None,
-    how: CalibrationOptions = _USUAL,
-) -> None:
-    """Where mask pixels fall on the sensor, and what closed ones pass, from CAPTURES of patterns.
-
-    Args:
-        captures: folder or stack, in the order of the patterns.
-        patterns: that were shown, an open and a dark one among them.
-        wavelength: of the light, nm; needed before a disperser; what capture took says it.
-        scale: sensor pixels per mask pixel, to 6 %.
-        device: HEIGHTxWIDTH of the mask, refused if the patterns differ.
-    """
-    codes = size(device, "--device")
-    _measured(
-        "registration", captures, how, patterns=patterns, wavelength=_metres(wavelength), scale=scale, device=codes
-    )
+_OPTIONS: dict[str, tuple[Any, Any, str]] = {
+    "white": (Path | None, None, "frames of a white scene, mask and shutter held open for a snapshot's exposure."),
+    "reflectance": (float, 1.0, "of that scene: 0.5 of a grey reference, which does not saturate."),
+    "patterns": (Path, _REQUIRED, "that were shown, for a registration an open and a dark one among them."),
+    "pattern": (Whole, 3, "which of them was shown, counted from 0."),
+    "wavelength": (float | None, None, "of the light, nm; needed before a disperser; what capture took says it."),
+    "scale": (float, 1.0, "sensor pixels per mask pixel, to 6 %."),
+    "device": (str | None, None, "HEIGHTxWIDTH of the mask, refused if the patterns differ."),
+    "power": (Path | None, None, "text file of the source: wavelength in nm, power."),
+    "curve": (Curve, "cauchy", "powers of 1/λ² (cauchy) or λ (polynomial); or straight lines between (measured)."),
+    "order": (Whole, 3, "highest power."),
+    "snapshot": (Path, _REQUIRED, "a snapshot file of the camera: its bench, and the heights that were asked for."),
+    "slot": (Whole, 0, "whose mask was shown, counted from 0."),
+}
+"""Option of a step → its type, default and help."""
+_COMMANDS = {
+    "dark": ("", "Offset, read noise and hot pixels, from CAPTURES without light.",
+        "folder of frames (PNG, TIFF, NPY) or a stack; two or more, exposed like the others."),
+    "flat": ("white reflectance", "Response of every pixel, from CAPTURES of even light; the level of white.",
+        "folder or stack of frames of even light, two or more."),
+    "linearity": ("", "Linearity, saturation and electrons per digital number, from CAPTURES of even light.",
+        "folder of frames named by their exposure, such as even_5ms_0; two or more at each."),
+    "registration": ("patterns wavelength scale device",
+        "Where mask pixels fall on the sensor, and what closed ones pass, from CAPTURES of patterns.",
+        "folder or stack, in the order of the patterns."),
+    "dispersion": ("patterns pattern power curve order",
+        "Displacement and response of every wavelength, from monochromatic CAPTURES of one pattern.",
+        "folder of frames named by their wavelength, such as band_450nm, exposed alike."),
+    "shear": ("patterns pattern",
+        "Pixels per view, and the light of views, from CAPTURES of one pattern with one view open each.",
+        "folder of frames named by their view, such as view_-1_2 (row, column from the middle)."),
+    "buckets": ("", "Leakage between the buckets of a pixel, and the time of a change, from CAPTURES of even light.",
+        "folder of frames with a page for each bucket: bucket_0_0 (all slots in the first), …, in_turn_4_0 (one of "
+        "four slots in each after the other)."),
+    "timing": ("",
+        "Delay, duration and leakage of the shutter's slots, from CAPTURES with one slot of both devices open each.",
+        "folder of frames named by their slots, such as aperture_0_shutter_1."),
+    "psf": ("snapshot slot",
+        "Point spread functions and the wavefront of the mask of one slot, from CAPTURES of a point source.",
+        "folder of frames named by depth and wavelength, such as point_0.6m_550nm."),
+}  # fmt: skip
+"""Step → its options, what it measures, its captures."""
 
 
-def dispersion(
-    captures: Path,
-    /,
-    *,
-    patterns: Path,
-    pattern: Whole = 3,
-    power: Path | None = None,
-    curve: Curve = "cauchy",
-    order: Whole = 3,
-    how: CalibrationOptions = _USUAL,
-) -> None:
-    """Displacement and response of every wavelength, from monochromatic CAPTURES of one pattern.
-
-    Args:
-        captures: folder of frames named by their wavelength, such as band_450nm, exposed alike.
-        patterns: that were shown.
-        pattern: which of them was shown, counted from 0.
-        power: text file of the source: wavelength in nm, power.
-        curve: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured): straight lines between wavelengths.
-        order: highest power.
-    """
-    _measured("dispersion", captures, how, patterns=patterns, pattern=pattern, power=power, curve=curve, order=order)
+def step_commands() -> Iterator[tuple[str, Callable[..., None]]]:
+    """Name of every step, and the function of ``tmca calibrate NAME``."""
+    place, option = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
+    for step, (names, text, captures) in _COMMANDS.items():
+        options = {name: _OPTIONS[name] for name in names.split()}
+        parameters = [inspect.Parameter("captures", place, annotation=Path)]
+        for name, (kind, default, _) in (options | {"how": (CalibrationOptions, _USUAL, "")}).items():
+            parameters.append(inspect.Parameter(name, option, annotation=kind, default=default))
+        helps = {"captures": captures} | {name: about for name, (_, _, about) in options.items()}
+        command = _command(step)
+        command.__doc__ = "\n    ".join([f"{text}\n\nArgs:", *(f"{name}: {about}" for name, about in helps.items())])
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        yield step, command
 
 
-def shear(captures: Path, /, *, patterns: Path, pattern: Whole = 3, how: CalibrationOptions = _USUAL) -> None:
-    """Pixels per view, and the light of views, from CAPTURES of one pattern with one view open each.
+def _command(step: str) -> Callable[..., None]:
+    def command(captures: Path, /, *, how: CalibrationOptions = _USUAL, **given: Any) -> None:
+        from tmca.lab.calibration.steps import measure
 
-    Args:
-        captures: folder of frames named by their view, such as view_-1_2 (row, column from the middle).
-        patterns: that were shown.
-        pattern: which of them was shown, counted from 0.
-    """
-    _measured("shear", captures, how, patterns=patterns, pattern=pattern)
+        part = f"wavefront{given.get('slot', 0)}" if step == "psf" else step
+        how.finished(measure(step, how.started(), captures, _settings(how, **given)), part)
 
-
-def buckets(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
-    """Leakage between the buckets of a pixel, and the time of a change, from CAPTURES of even light.
-
-    Args:
-        captures: folder of frames with a page for each bucket: bucket_0_0 (all slots in the first), …, in_turn_4_0 (one
-            of four slots in each after the other).
-    """
-    _measured("buckets", captures, how)
-
-
-def timing(captures: Path, /, *, how: CalibrationOptions = _USUAL) -> None:
-    """Delay, duration and leakage of the shutter's slots, from CAPTURES with one slot of both devices open each.
-
-    Args:
-        captures: folder of frames named by their slots, such as aperture_0_shutter_1.
-    """
-    _measured("timing", captures, how)
-
-
-def psf(captures: Path, /, *, snapshot: Path, slot: Whole = 0, how: CalibrationOptions = _USUAL) -> None:
-    """Point spread functions and the wavefront of the mask of one slot, from CAPTURES of a point source.
-
-    Args:
-        captures: folder of frames named by depth and wavelength, such as point_0.6m_550nm.
-        snapshot: a snapshot file of the camera: its bench, and the heights that were asked for.
-        slot: whose mask was shown, counted from 0.
-    """
-    _measured("psf", captures, how, f"wavefront{slot}", camera=snapshot, slot=slot)
+    return command

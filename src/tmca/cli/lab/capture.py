@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,6 +9,7 @@ from cyclopts import App
 
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import Whole
+from tmca.cli.options.output import Json, Overwrite, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError, SettingError
 
@@ -27,10 +27,10 @@ def capture(
     out: Path = Path("captures"),
     snapshot: Path | None = None,
     repeat: Whole = 1,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
     scene: Annotated[str | None, SIMULATED] = None,
     bench: BenchOptions = _BENCH,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """Capture EXPORT, a folder of `tmca export`: a dark frame, then one a slot, or one exposure of a coded shutter.
 
@@ -43,10 +43,9 @@ def capture(
         out: folder of frames.
         snapshot: file to write; OUT.nc without it.
         repeat: frames of each kind, which are averaged; more of them later add to those that are there.
-        overwrite: replace the snapshot file.
         scene: before the simulated bench: a file, or the name of a rendered scene.
-        json: print what was written as JSON.
     """
+    from tmca.lab.acquisition.session import capture as run
     from tmca.lab.acquisition.session import check_camera, joined
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
@@ -59,7 +58,6 @@ def capture(
     if bench.simulated and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
     device = bench.bench(taken, exposed_whole(read_manifest(export)), scene)
-    how = {"gain": None, "repeats": repeat, "camera": taken.camera, "bench": bench.said(scene)}
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     faults = {"hardware": bench.faults.described()} if bench.faults.faults() else {}
     captured: list[Any] = []
@@ -69,26 +67,20 @@ def capture(
         captured[0].notes |= {**read, "scene": scene or "", **faults}
         captured[0].save(target, overwrite=overwrite)
 
-    _captured(export, device, out, how | {"timeout": bench.timeout, "finish": join})
-    _say(target, out, captured[0], json)
-
-
-def _captured(export: Path, bench: Any, out: Path, how: dict[str, Any]) -> None:
-    from tmca.lab.acquisition.session import capture as run
-
     with progress_bar(f"capture: {out.name}") as report:
-        run(export, bench, out, **how, progress=lambda done, total, name: report(done / total, name))
+        run(
+            export, device, out, gain=None, repeats=repeat, camera=taken.camera, bench=bench.said(scene),
+            timeout=bench.timeout, finish=join, progress=lambda done, total, name: report(done / total, name),
+        )  # fmt: skip
+    _say(target, out, captured[0], json)
 
 
 def _say(target: Path, out: Path, captured: Any, as_json: bool) -> None:
     from tmca.lab.acquisition.captures import said_sources
 
     shape = [int(n) for n in captured.values.shape[-2:]]
-    if as_json:
-        about = {"snapshot": str(target), "frames": str(out), "size": shape, "notes": captured.notes}
-        print(json.dumps(about, indent=1))
-        return
-    print(f"{target}: {shape[0]}×{shape[1]} pixels of {captured.notes['device']}, frames in {out}")
+    about = {"snapshot": str(target), "frames": str(out), "size": shape, "notes": captured.notes}
+    lines = [f"{target}: {shape[0]}×{shape[1]} pixels of {captured.notes['device']}, frames in {out}"]
     if taken_from := said_sources(out):
-        print(f"frames were taken from: {taken_from}")
-    print(f"reconstruct it with: tmca reconstruct {target}")
+        lines.append(f"frames were taken from: {taken_from}")
+    say(about, as_json, *lines, f"reconstruct it with: tmca reconstruct {target}")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cyclopts import App
 
 from tmca.cli.options.numbers import size
-from tmca.cli.options.output import check_targets
+from tmca.cli.options.output import Json, Overwrite, check_targets, say
 
 if TYPE_CHECKING:
     from tmca.lab.deploy import DecoderFile
@@ -26,8 +25,8 @@ def export(
     formats: str = "torch,onnx",
     frame: str | None = None,
     noise: float | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write the network of RUN, with its codes and optics, as decoder.pt2 and decoder.onnx, each checked when written.
 
@@ -37,8 +36,6 @@ def export(
         formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`.
         frame: HEIGHTxWIDTH of the scene; that of the run's camera without it.
         noise: read noise that the network is told, snapshot units; that of its training without it.
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.lab.deploy import export_decoder
 
@@ -48,14 +45,13 @@ def export(
 
 
 @app.command
-def check(folder: Path, /, *, run: Path, trust: bool = False, json: bool = False) -> None:
+def check(folder: Path, /, *, run: Path, trust: bool = False, json: Json = False) -> None:
     """Compare the files in FOLDER with the network that they were made from, on random input.
 
     Args:
         folder: of `tmca decoder export`.
         run: the training run.
         trust: run whatever code decoder.pt2 holds, of a file of your own.
-        json: print JSON instead of text.
     """
     from tmca.lab.deploy import check_decoder
 
@@ -64,7 +60,14 @@ def check(folder: Path, /, *, run: Path, trust: bool = False, json: bool = False
 
 @app.command
 def run(
-    folder: Path, snapshot: Path, /, *, out: Path, format: str = "torch", trust: bool = False, overwrite: bool = False
+    folder: Path,
+    snapshot: Path,
+    /,
+    *,
+    out: Path,
+    format: str = "torch",
+    trust: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Decode SNAPSHOT with an exported decoder of FOLDER.
 
@@ -74,7 +77,6 @@ def run(
         out: NetCDF file of the estimate.
         format: torch or onnx.
         trust: run whatever code decoder.pt2 holds, of a file of your own.
-        overwrite: replace the file if it exists.
     """
     from tmca.lab.deploy import decode_exported
 
@@ -86,8 +88,5 @@ def run(
 
 def _say(folder: Path, files: list[DecoderFile], json: bool) -> None:
     rows = [{"format": one.format, "file": str(folder / one.file), "error": one.error} for one in files]
-    if json:
-        print(json_module.dumps(rows, indent=1))
-        return
-    for row in rows:
-        print(f"{row['file']}: {row['format']}, differs from the network by {row['error']:.1e} of its largest value")
+    far = [f"differs from the network by {one.error:.1e} of its largest value" for one in files]
+    say(rows, json, *(f"{row['file']}: {row['format']}, {by}" for row, by in zip(rows, far, strict=True)))

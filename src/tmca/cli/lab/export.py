@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.options.numbers import On, size
+from tmca.cli.options.output import Json, Overwrite, say
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")
@@ -31,8 +31,8 @@ def export(
     lut: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     calibration: Annotated[Path | None, Parameter(group=_DEVICE)] = None,
     figures: On = True,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write what devices show of SOURCE: a file of `tmca design`, a run or weights of `tmca train`, or a snapshot.
 
@@ -107,12 +107,11 @@ def _described(name: str, changes: dict[str, Any]) -> Any:
 
 
 @app.command
-def check(folder: Path, /, *, json: bool = False) -> None:
+def check(folder: Path, /, *, json: Json = False) -> None:
     """Read the export in FOLDER back: every file there, unchanged and in order, and the very codes in them.
 
     Args:
         folder: of the export.
-        json: print its manifest.
     """
     from tmca.lab.display.manifest import check_export, read_export
 
@@ -121,13 +120,9 @@ def check(folder: Path, /, *, json: bool = False) -> None:
 
 
 def _say(manifest: dict[str, Any], folder: Path, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(manifest, indent=1))
-        return
     each = manifest["exposure_s"] / manifest["slots"]
-    print(f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}")
-    for plane in manifest["planes"]:
-        print(f"  {plane['plane']}: {_words(plane)}")
+    head = f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}"
+    say(manifest, as_json, head, *(f"  {plane['plane']}: {_words(plane)}" for plane in manifest["planes"]))
 
 
 def _words(plane: dict[str, Any]) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 
 from cyclopts import App
 
-from tmca.cli.options.output import check_targets
+from tmca.cli.options.output import Json, Overwrite, check_targets, say
 
 app = App(name="import", help="Make a snapshot file of a real capture, so that every decoder takes it.")
 
@@ -23,8 +22,8 @@ def import_(
     name: str | None = None,
     noise: float | None = None,
     withhold_saturated: bool = False,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Write CAPTURE with its codes, optics, levels and noise to a snapshot file for `tmca reconstruct`.
 
@@ -37,8 +36,6 @@ def import_(
         noise: standard deviation in the capture's numbers; estimated from its darkest part without it.
         withhold_saturated: close the shutter of saturated pixels and set them to 0, so that no decoder takes them at
             their word.
-        overwrite: replace the file if it exists.
-        json: print JSON instead of text.
     """
     from tmca.lab.importing import WITHHELD, import_capture
     from tmca.lab.notes import SATURATED
@@ -54,11 +51,10 @@ def import_(
         "slots": camera.slots, "gain": notes["gain"], "noise_in_capture": notes["noise_in_capture"],
         "saturated_share": notes.get(SATURATED), "saturated_withheld": bool(notes.get(WITHHELD)),
     }  # fmt: skip
-    if json:
-        print(json_module.dumps(about, indent=1))
-        return
     size = f"{camera.size[0]}×{camera.size[1]} pixels, {camera.bands} bands, {camera.slots} slots"
-    print(f"{out}: {notes['scene']}, {size}")
-    print(f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture")
-    if withhold_saturated and (share := notes.get(SATURATED)):
-        print(f"  {share:.2%} of the pixels are saturated, and withheld")
+    withheld = notes.get(SATURATED) if withhold_saturated else None
+    say(
+        about, json, f"{out}: {notes['scene']}, {size}",
+        f"  1 of the capture is {notes['gain']:.4g}; noise {notes['noise_in_capture']:.2g} of the capture",
+        *([f"  {withheld:.2%} of the pixels are saturated, and withheld"] if withheld else []),
+    )  # fmt: skip

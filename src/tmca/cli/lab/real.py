@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
-from tmca.cli.options.output import check_figure, check_targets, warned
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say, warned
 from tmca.cli.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def register(
     mask: Path | None = None,
     name: str | None = None,
     shift: str | None = None,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """Find where the mask lies in CAPTURES: its scale and shift along y, or the place of a pixel shutter and its start.
 
@@ -40,7 +40,6 @@ def register(
         mask: file of the mask.
         name: of the capture, where a file holds several.
         shift: ROWS,COLUMNS of a pixel shutter that another capture told, for one whose patterns repeat.
-        json: print JSON instead of text.
     """
     from tmca.errors import SettingError
     from tmca.lab.importing import read_plane
@@ -57,12 +56,12 @@ def register(
     values = [read_plane(file, described.capture_key) for file in captures]
     image = read_plane(mask, described.mask_key)
     registration, deviation = register_mask(values, image, offsets, black=described.black)
-    if json:
-        print(json_module.dumps({**registration.model_dump(), "deviation": deviation}, indent=1))
-        return
     scale, down = registration.scale[0], registration.shift[0]
-    print(f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down")
-    print(f"  blocks deviate by {deviation:.3f} pixels")
+    say(
+        {**registration.model_dump(), "deviation": deviation}, json,
+        f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down",
+        f"  blocks deviate by {deviation:.3f} pixels",
+    )  # fmt: skip
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
@@ -79,12 +78,13 @@ def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift
     whole = None if fixed is None else (fixed[0], fixed[1])
     keys = prototype.captures[name]
     for file in captures:
-        place = shutter_place(read_plane(file, keys.capture_key), read_array(file, keys.shutter_key), fixed=whole)
+        values, patterns = read_plane(file, keys.capture_key), read_array(file, keys.shutter_key)
+        (rows, columns), first = shutter_place(values, patterns, fixed=whole)
         if as_json:
-            print(json_module.dumps({"shutter_shift": place.shift, "first_slot": place.first_slot}))
+            print(json_module.dumps({"shutter_shift": (rows, columns), "first_slot": first}))
             continue
-        print(f"{file}: {name}: shutter displaced by {place.shift[0]} rows and {place.shift[1]} columns")
-        print(f"  the exposure begins with slot {place.first_slot}")
+        print(f"{file}: {name}: shutter displaced by {rows} rows and {columns} columns")
+        print(f"  the exposure begins with slot {first}")
 
 
 @app.command
@@ -99,8 +99,8 @@ def movie(
     changing: float | None = None,
     threshold: float | None = None,
     iterations: Whole | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Frames of a scene that changed during the exposure of SNAPSHOT, a file of `tmca import` or `tmca simulate`.
 
@@ -115,8 +115,6 @@ def movie(
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
             the brightest at least (space-time-dct).
         iterations: over which the threshold falls to it, 40 without it (space-time-dct).
-        figure: write a picture of some of them (PNG).
-        overwrite: replace files that exist.
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
@@ -165,7 +163,7 @@ def report(
     decoders: str = "admm-tv,pnp,network",
     control: list[str] | None = None,
     keep: Path = Path("real-estimates"),
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Decode and judge the public captures of TSA-Net and of the shuffled rolling shutter: a page, JSON and pictures.
 
@@ -177,7 +175,6 @@ def report(
         control: scenes that are known (files, or names of rendered ones), imaged behind the same mask, to hold the
             merit against the truth.
         keep: folder of estimates, which the next report uses again where their input is the same.
-        overwrite: replace results that exist.
     """
     from tmca.cli.studies import study_module
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -10,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import Whole, whole, whole_numbers
 from tmca.cli.options.numbers import size as parsed_size
-from tmca.cli.options.output import check_figure, check_targets
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
 from tmca.errors import SettingError
 from tmca.specs.base import metres_of_nm
 
@@ -41,7 +40,7 @@ def fringes(
     fringes: str = "1,4,16,64",
     steps: Whole = 4,
     across: Literal["x", "y"] = "x",
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write the fringes to project into FOLDER: a PNG per frame, and fringes.json that names them in order.
 
@@ -51,7 +50,6 @@ def fringes(
         fringes: over the projector's width (or height), ascending; 1 among them, or differences that lead to 1.
         steps: phase shifts of each.
         across: x for upright fringes (projector beside the camera), y for level ones (above it).
-        overwrite: replace the folder if it exists.
     """
     from tmca.lab.ground_truth.fringes import write_fringes
     from tmca.lab.ground_truth.phase import ladder
@@ -77,9 +75,9 @@ def depth(
     far: float = 20.0,
     neighbours: Annotated[int, Parameter(converter=whole)] = 6,
     truth: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Metric depth from CAPTURES of projected fringes, with its standard deviation and a mask of confidence.
 
@@ -95,9 +93,6 @@ def depth(
         far: metres; what is farther is left out.
         neighbours: of eight that have to share a pixel's depth; 3 keeps the edges of surfaces, where depths are wrong.
         truth: a depth map to compare with.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.data import read_depth_map, write_dataset
     from tmca.lab.ground_truth.depth import depth_error, depth_figure, measure_depth
@@ -131,7 +126,7 @@ def render(
     snr: float = 30.0,
     fringes: str = "1,4,16,64",
     seed: Whole = 0,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a rendered table into FOLDER: captures of fringes, a spectral scan, calibration, references, truth.
 
@@ -143,14 +138,13 @@ def render(
         snr: of the captures of fringes, dB.
         fringes: that are projected.
         seed: of the noise.
-        overwrite: replace the folder if it exists.
     """
+    from tmca.cli.studies import study_module
     from tmca.data import check_target
-    from tmca.lab.ground_truth.rendered import write_bench
 
     check_target(folder, overwrite)
     plan, camera = _plan("800x1280", fringes, 4, "x"), parsed_size(size) or (96, 128)
-    places = write_bench(
+    places = study_module("rendered_table").write_bench(
         folder, picture=picture, shape=shape, size=camera, plan=plan, snr_db=snr, seed=seed, overwrite=overwrite
     )
     points = " ".join(f"{name}={y},{x}" for name, (y, x) in places.items())
@@ -172,9 +166,9 @@ def spectra(
     white_reflectance: str = "1",
     read_noise: float | None = None,
     gain: float = 0.0,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Reflectance of SCENE from frames under each wavelength of a tunable source, with its standard deviation.
 
@@ -189,9 +183,6 @@ def spectra(
         white_reflectance: of the reference, a number or a text file of its spectrum.
         read_noise: standard deviation of a frame, digital numbers; that of the dark frames without it.
         gain: digital numbers per electron, for shot noise.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.data import write_dataset
     from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
@@ -219,9 +210,9 @@ def compare(
     box: Whole = 5,
     bandwidth: float = 0.0,
     filters: Path | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Spectral angle between points of SPECTRA and what a spectrometer measured there.
 
@@ -232,9 +223,6 @@ def compare(
         box: pixels along each side that are averaged.
         bandwidth: full width at half maximum of the source in nm, by which the references are smoothed.
         filters: text file of filter responses, through which both are seen too.
-        figure: write a picture of it (PNG).
-        overwrite: replace the picture if it exists.
-        json: print JSON instead of text.
     """
     from tmca.lab.ground_truth.join import open_cube
     from tmca.lab.ground_truth.spectra import compare_spectra, comparison_figure, read_spectra
@@ -258,8 +246,8 @@ def join(
     *,
     out: Path,
     wavelengths: str | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Join SPECTRA and DEPTH of one camera into the scene file that the spectral-depth camera reads.
 
@@ -268,8 +256,6 @@ def join(
         depth: file of tmca scan depth.
         out: NetCDF file to write.
         wavelengths: of the scene's bands, in nm, FIRST:LAST:COUNT or a list: a camera's; the scan's own without it.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
     """
     from tmca.applications.file_pictures import picture_of
     from tmca.data import write_dataset
@@ -309,21 +295,22 @@ def _said_depth(measured: xr.Dataset, out: Path, json: bool, error: dict[str, fl
     """How many pixels have a depth, from where to where, how certain, and why the others have none."""
     import numpy as np
 
+    from tmca.lab.ground_truth.depth import REASONS
+
     depth, why = measured["depth"].values, measured["confidence"].values
-    names = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
-    counts = {name: int((why == i).sum()) for i, name in enumerate(names)}
+    counts = {name: int((why == i).sum()) for i, name in enumerate(REASONS)}
     spread = float(np.nanmedian(measured["depth_std"].values))
     about: dict[str, Any] = {"out": str(out), "near": float(np.nanmin(depth)), "far": float(np.nanmax(depth))}
     about |= {"median_std": spread, "noise": float(measured.attrs["noise"]), "pixels": counts}
-    if json:
-        print(json_module.dumps(about | (error or {}), indent=1))
-        return
     others = ", ".join(f"{count} {name}" for name, count in counts.items() if count and name != "known")
-    print(f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)")
-    print(f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""))
+    lines = [
+        f"{out}: {about['near']:.4g} to {about['far']:.4g} m, standard deviation {1e3 * spread:.3g} mm (median)",
+        f"  {counts['known']} of {why.size} pixels known" + (f"; {others}" if others else ""),
+    ]
     if error:
         share = f"{error['rmse_percent']:.3g} % of its range; largest {1e3 * error['largest']:.3g} mm"
-        print(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
+        lines.append(f"  against the truth: RMSE {1e3 * error['rmse']:.3g} mm, {share}")
+    say(about | (error or {}), json, *lines)
 
 
 def _said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
@@ -334,24 +321,21 @@ def _said_spectra(measured: xr.Dataset, out: Path, json: bool) -> None:
     spread = float(np.nanmedian(measured["reflectance_std"].values))
     saturated, dark = int((quality == 1).sum()), int((quality == 2).sum())
     about = {"out": str(out), "bands": nm.size, "first_nm": float(nm[0]), "last_nm": float(nm[-1])}
-    if json:
-        print(json_module.dumps({**about, "median_std": spread, "saturated": saturated, "dark": dark}, indent=1))
-        return
     size_text = f"{quality.shape[1]}×{quality.shape[2]} pixels"
-    print(f"{out}: {nm.size} bands, {nm[0]:g} to {nm[-1]:g} nm, {size_text}, standard deviation {spread:.2g} (median)")
-    print(f"  left out: {saturated} saturated and {dark} dark of {quality.size} values")
+    say(
+        about | {"median_std": spread, "saturated": saturated, "dark": dark}, json,
+        f"{out}: {nm.size} bands, {nm[0]:g} to {nm[-1]:g} nm, {size_text}, standard deviation {spread:.2g} (median)",
+        f"  left out: {saturated} saturated and {dark} dark of {quality.size} values",
+    )  # fmt: skip
 
 
 def _said_comparison(compared: list[Any], json: bool) -> None:
     """A line per point."""
-    rows = [one.row() for one in compared]
-    if json:
-        print(json_module.dumps(rows, indent=1))
-        return
-    print(f"{'point':<12} {'y,x':>9} {'bands':>6} {'SAM (°)':>8} {'RMSE':>8}")
+    lines = [f"{'point':<12} {'y,x':>9} {'bands':>6} {'SAM (°)':>8} {'RMSE':>8}"]
     for one in compared:
         place = f"{one.place[0]},{one.place[1]}"
-        print(f"{one.name:<12} {place:>9} {one.nm.size:>6} {one.angle:>8.3f} {one.rmse:>8.4f}")
-        for name, (seen, true) in one.filters.items():
-            print(f"  through {name}: {seen:.4f}, spectrometer {true:.4f}")
-    print(f"{'mean':<12} {'':>9} {'':>6} {sum(one.angle for one in compared) / len(compared):>8.3f}")
+        lines.append(f"{one.name:<12} {place:>9} {one.nm.size:>6} {one.angle:>8.3f} {one.rmse:>8.4f}")
+        seen = one.filters.items()
+        lines += [f"  through {name}: {found:.4f}, spectrometer {true:.4f}" for name, (found, true) in seen]
+    mean = sum(one.angle for one in compared) / len(compared)
+    say([one.row() for one in compared], json, *lines, f"{'mean':<12} {'':>9} {'':>6} {mean:>8.3f}")

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from json import dumps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
 
@@ -16,6 +16,12 @@ from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+Overwrite = Annotated[bool, Parameter(help="Replace what exists.")]
+Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
+Figure = Annotated[Path | None, Parameter(help="Write a picture (PNG).")]
+"""Options of many commands."""
 
 
 @Parameter(name="*", group=Group("Output", sort_key=6))

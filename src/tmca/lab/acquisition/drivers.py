@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import DeviceError, SettingError, TmcaError
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
-from tmca.lab.light import Light
 
 
 @runtime_checkable

@@ -18,9 +18,9 @@ from tmca.cameras.motion import check_displacement
 from tmca.codes.buckets import bucket_shutters
 from tmca.errors import DeviceError, SettingError
 from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole, read_export
-from tmca.lab.light import Light
 
 _UNSEEN = 1e-12
 """Share of a slot below which a pattern is not seen: rounding."""
@@ -37,7 +37,6 @@ class SimulatedBench:
         black: digital number of no light; without, 1/64 of the range, or six standard deviations of a dark frame.
         whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
-        taken: frames that it took before, whose noise is not drawn again; of frames without a name.
         stops_after: frames after which it does not answer any more; never without.
 
     Raises:
@@ -54,7 +53,6 @@ class SimulatedBench:
         black: int | None = None,
         whole: bool = True,
         seed: int = 0,
-        taken: int = 0,
         stops_after: int | None = None,
     ) -> None:
         if not 1 <= bits <= 16 or (black is not None and not 0 <= black < 2**bits - 1):
@@ -64,14 +62,16 @@ class SimulatedBench:
         self.hardware.check(camera.kind, camera.buckets)
         self.camera, self.scene = self._on_bench(camera), tuple(scene)
         self.saturation = float(2**bits - 1)
-        below = max(0.0, -self.hardware.bucket_offset)
-        self.black = _black(camera, self.saturation, below) if black is None else black
+        # noise does not fall below it, nor a bucket's offset
+        level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
+        level += max(0.0, -self.hardware.bucket_offset)
+        self.black = int(level * self.saturation / (1 + level)) if black is None else black
         self._top = camera.full_scale if whole else camera.white
         self.loaded, self.coded = False, False
         self.shown: int | None = None
         self.light: Light | None = None
         self.name: str | None = None
-        self.taken, self.first, self.stops_after = taken, taken, stops_after
+        self.taken, self.stops_after = 0, stops_after
 
     @property
     def gain(self) -> float:
@@ -121,9 +121,8 @@ class SimulatedBench:
 
     def capture(self, whole: bool = False) -> NDArray[np.integer]:
         """See ``Device``."""
-        done = self.taken - self.first
-        if self.stops_after is not None and done >= self.stops_after:
-            raise DeviceError("simulated bench", f"no answer after {done} frames", "a frame", "run it again")
+        if self.stops_after is not None and self.taken >= self.stops_after:
+            raise DeviceError("simulated bench", f"no answer after {self.taken} frames", "a frame", "run it again")
         self.taken += 1
         with torch.no_grad():
             light = self._seen(whole)
@@ -182,12 +181,6 @@ class SimulatedBench:
         return shutters.repeat_interleave(self.camera.snapshot_shape[0] // len(shutters), 0)
 
 
-def _black(camera: Camera, top: float, below: float) -> int:
-    """Digital number of no light below which noise does not fall, nor a bucket's offset."""
-    level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale) + below
-    return int(level * top / (1 + level))
-
-
 def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[int], Tensor]:
     """Patterns that a frame sees which an ordinary camera takes for one slot, and how long.
 
@@ -202,11 +195,10 @@ def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[i
     Returns:
         Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
     """
-    codes = lab_camera(camera).timed_codes(camera)
-    faults = codes.faults if isinstance(codes, FaultyCodes | FaultyShutter) else None
-    if settled or faults is None or not faults.timed:
+    timed = [part.faults for part in camera.modules() if isinstance(part, FaultyCodes | FaultyShutter)]
+    if settled or not timed or not timed[0].timed:
         return [slot], torch.ones(1, camera.size[0])
-    shares = faults.overlap[:, slot].T.float()
+    shares = timed[0].overlap[:, slot].T.float()
     seen = [pattern for pattern, share in enumerate(shares) if float(share.abs().max()) > _UNSEEN] or [slot]
     return seen, shares[seen]
 

@@ -103,23 +103,16 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
         found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
         raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
     camera = calibrated(snapshot.camera, calibration, snapshot.notes)
-    values = snapshot.values
-    if snapshot.notes.get("values") == RAW:
+    values, notes = snapshot.values, snapshot.notes
+    if notes.get("values") == RAW:
         values = from_digital_numbers(values, calibration, camera.full_scale)
-    elif _by_frames(snapshot, calibration):
-        gain, white = float(snapshot.notes[GAIN]), float(snapshot.notes[WHITE])
+    elif {GAIN, WHITE, AVERAGED} <= notes.keys() and {"dark", "flat"} <= calibration.parts.keys():
+        gain, white, frames = (float(notes[name]) for name in (GAIN, WHITE, AVERAGED))
         values = from_digital_numbers(values / gain, calibration, white, above_dark=True)
-        frames = float(snapshot.notes[AVERAGED])
         camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
     values = lab_camera(camera).on_camera(values, snapshot.camera, camera)
-    notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
+    notes = {k: v for k, v in notes.items() if k != "values"}
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
-
-
-def _by_frames(snapshot: Snapshot[Any], calibration: Calibration) -> bool:
-    """Whether frames of a device were joined, and are measured by this calibration."""
-    noted = {GAIN, WHITE, AVERAGED} <= snapshot.notes.keys()
-    return noted and all(calibration.part(name) is not None for name in ("dark", "flat"))
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:
@@ -294,7 +287,11 @@ def registered_affine(source: str | Path, calibration: Calibration, device: Devi
         raise SettingError("--calibration", f"a device with a {device.lattice} lattice", "a square one")
     remedy = f"register patterns of the pixels of {device.name}: tmca calibrate patterns"
     check_size(calibration.where, "a registration", registration.codes, device.size or (), remedy)
-    wanted = _drawn(_camera(source), calibration)
+    camera = _camera(source)
+    sensor = calibration.about["camera"].get("sensor")
+    if sensor and tuple(sensor) != _sensor_of(camera):
+        check_fits(camera, calibration.without("registration"))
+    wanted = lab_camera(camera).code_map(camera, calibration)
     back = np.linalg.inv(registration.matrix[:, :2])
     affine = np.hstack([back @ wanted[:, :2], back @ (wanted[:, 2:] - registration.matrix[:, 2:])])
     (a, b, c), (d, e, f) = affine.tolist()
@@ -307,11 +304,3 @@ def _camera(source: str | Path) -> Any:
     except (DataError, OSError):
         remedy = "simulate one with these codes: tmca simulate … --codes, --out sim.nc"
         raise DataError(source, "no snapshot", "one, whose camera says where codes fall", remedy) from None
-
-
-def _drawn(camera: Any, calibration: Calibration) -> Any:
-    """(2, 3) map from code to sensor pixels of the camera as it was drawn."""
-    sensor = calibration.about["camera"].get("sensor")
-    if sensor and tuple(sensor) != _sensor_of(camera):
-        check_fits(camera, calibration.without("registration"))
-    return lab_camera(camera).code_map(camera, calibration)

@@ -60,7 +60,8 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     if not seen.max() > 0:
         raise DataError(source, "no light in any bucket", "even light", "check the lamp and the codes of the frames")
     shares, turns = seen / float(seen[:buckets].sum() / buckets), len(seen) > buckets
-    shown = np.concatenate((np.eye(buckets)[:, None].repeat(slots, 1), _in_turn(buckets, slots)[None]))[: len(seen)]
+    own = np.eye(buckets)
+    shown = np.concatenate((own[:, None].repeat(slots, 1), own[np.arange(slots) % buckets][None]))[: len(seen)]
 
     def predicted(values: Array) -> Array:
         light, leakage, transfer = values[0], values[1], values[2] if turns else 0.0
@@ -76,11 +77,6 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     std[: 1 + turns] = fit_std(fit)[1:]
     transfer = float(fit.x[2]) if turns else 0.0
     return BucketMixing(shares, predicted(fit.x), leakage, transfer, std, float(np.sqrt((fit.fun**2).mean())))
-
-
-def _in_turn(buckets: int, slots: int) -> Array:
-    """(K, R) one bucket after the other."""
-    return np.asarray(np.eye(buckets)[np.arange(slots) % buckets])
 
 
 def _collected(shown: NDArray[np.float64], transfer: float) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from tmca.data import atomic_path
 from tmca.errors import DataError, SettingError
 from tmca.lab.acquisition.captures import read_captures as captures_of_bench
-from tmca.lab.frames import Array, Frames, check_size, read_frames, write_frames
+from tmca.lab.frames import Array, Frames, check_saturation, check_size, read_frames, write_frames
 from tmca.lab.notes import CAPTURES
 
 _SATURATED = 0.01
@@ -96,10 +96,8 @@ def read_captures(
     frames = read_frames(path, top, buckets=True)
     if sensor is not None:
         check_size(path, "frames", frames.values.shape[1:], sensor, "use the sensor that was calibrated before")
-    share = frames.saturated.reshape(len(frames.names), -1).mean(axis=1)
-    if not may_saturate and share.max() > _SATURATED:
-        found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
-        raise DataError(path, found, f"{_SATURATED:.0%} at most", "expose for less time")
+    if not may_saturate:
+        check_saturation(frames, _SATURATED)
     return frames
 
 

@@ -184,10 +184,8 @@ class ShownCodes:
         elif name != OPEN:
             bucket = torch.full((slots,), int(name.removeprefix(BUCKET)))
         shares = {"aperture": opened, "shutter": (bucket == torch.arange(buckets)[:, None]).flatten().float()}
-        planes = {plane: _over(shares[plane], placed[1].code) for plane, placed in self.placed.items()}
+        planes = {
+            plane: shares[plane][:, None, None].expand(-1, *place.code).contiguous()
+            for plane, (_, place) in self.placed.items()
+        }
         return planes | ({"shutter": by_slot(planes["shutter"], slots, buckets)} if "shutter" in planes else {})
-
-
-def _over(shares: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
-    """(n, H, W) the same on every pixel."""
-    return shares[:, None, None].expand(-1, *size).contiguous()

@@ -245,11 +245,8 @@ def _read(path: Path, data: xr.Dataset) -> Calibration:
     about = attributes_of(_About, data.attrs, path).model_dump()
     groups = read_groups(path, "calibration")
     steps = {n: attributes_of(StoredStep, group.attrs, f"{path}: {n}").model_dump() for n, group in groups.items()}
-    return _dated(Calibration(_parts(path, groups), about | {"steps": steps}, path))
-
-
-def _parts(path: Path, groups: Mapping[str, xr.Dataset]) -> dict[str, Any]:
-    return {name: part_of(name, group, path) for name, group in groups.items()}
+    parts = {name: part_of(name, group, path) for name, group in groups.items()}
+    return _dated(Calibration(parts, about | {"steps": steps}, path))
 
 
 def _read_1(path: Path, data: xr.Dataset) -> Calibration:
@@ -262,11 +259,7 @@ def _read_1(path: Path, data: xr.Dataset) -> Calibration:
 
 
 def _dated(calibration: Calibration) -> Calibration:
-    """The same, whose dates are some.
-
-    Raises:
-        DataError: one that is none.
-    """
+    """The same; DataError for a date that is none."""
     for stated in [calibration.about["created"], *(step["measured"] for step in calibration.about["steps"].values())]:
         parsed_date(stated, calibration.where)
     return calibration

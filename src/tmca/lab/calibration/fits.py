@@ -48,7 +48,7 @@ class StepSettings:
         device: (rows, columns) of the mask, to be checked.
         power: text file of the source's power: nm, power.
         curve, order: of the dispersion, see `tmca.lab.calibration.dispersion.measure_dispersion`.
-        camera: a snapshot file of the camera, whose masks and bench ``psf`` frames are of.
+        snapshot: a file of the camera, whose masks and bench ``psf`` frames are of.
         slot: whose mask they show.
         saturation: of all frames.
     """
@@ -63,7 +63,7 @@ class StepSettings:
     power: str | Path | None = None
     curve: Curve = "cauchy"
     order: int = 3
-    camera: str | Path | None = None
+    snapshot: str | Path | None = None
     slot: int = 0
     saturation: float | None = None
 
@@ -87,20 +87,10 @@ class Captured:
         """R of a pixel."""
         return self.frames.values.shape[1] if self.frames.values.ndim == 4 else 1
 
-    def corrected(self) -> Array:
-        """(N, H, W) light of all frames, all buckets together."""
-        return self.calibration.light(self.frames.values)
-
     def by_name(self, pattern: re.Pattern[str], example: str) -> tuple[Array, list[tuple[float, ...]]]:
         """Light of the frames, those of one name averaged, and the numbers in their names, ascending."""
         values, keys = averaged(self.frames.values, named(self.frames, pattern, example))
         return self.calibration.light(values), keys
-
-    def patterns(self) -> Array:
-        """(P, h, w) that were shown."""
-        if self.given.patterns is None:
-            raise SettingError("--patterns", "none", "the folder of those that were shown")
-        return read_patterns(self.given.patterns, self.given.device)
 
     def pattern(self) -> tuple[int, Array]:
         """Number and (h, w) of the pattern that was shown, of the size that was registered."""
@@ -224,13 +214,14 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
 
 
 def registration(seen: Captured) -> dict[str, Fitted]:
-    shown, given, wave = seen.patterns(), seen.given, seen.given.wavelength
+    given, wave, light = seen.given, seen.given.wavelength, seen.calibration.light(seen.frames.values)
+    if given.patterns is None:
+        raise SettingError("--patterns", "none", "the folder of those that were shown")
+    shown = read_patterns(given.patterns, given.device)
     if wave is None and (noted := taken_with(seen.path).get("wavelength_nm")) is not None:
         wave = float(nm_to_metres(noted))
     above_dark = seen.part("dark") is not None
-    registered = register(
-        seen.corrected(), shown, scale=given.scale, wavelength=wave, above_dark=above_dark, source=seen.path
-    )
+    registered = register(light, shown, scale=given.scale, wavelength=wave, above_dark=above_dark, source=seen.path)
     residuals = {
         "residual_of_contrast": registered.residual,
         "corner_std_pixels": registered.edge_std,
@@ -353,11 +344,11 @@ def shear(seen: Captured) -> dict[str, Fitted]:
 
 def psf(seen: Captured) -> dict[str, Fitted]:
     slot = seen.given.slot
-    if seen.given.camera is None:
+    if seen.given.snapshot is None:
         raise DataError(
             seen.path, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot"
         )
-    camera = _phase_mask_camera(seen.given.camera, slot)
+    camera = _phase_mask_camera(seen.given.snapshot, slot)
     light, keys = seen.by_name(POINT, "point_0.6m_550nm")
     depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
     if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
@@ -376,8 +367,8 @@ def psf(seen: Captured) -> dict[str, Fitted]:
         "starts": float(fit.starts),
     }
     return {
-        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.camera]),
-        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.given.camera]),
+        f"psf{slot}": Fitted(stack, {"snr_db": stack.snr_db}, sources=[seen.given.snapshot]),
+        f"wavefront{slot}": Fitted(fit, residuals, {"wavelength_m": middle}, [seen.given.snapshot]),
     }
 
 

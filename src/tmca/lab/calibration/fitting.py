@@ -23,9 +23,9 @@ def fit_std(fit: Any, left: Array | None = None) -> Array:
     return np.asarray(np.sqrt(np.diag(np.linalg.pinv(fit.jac.T @ fit.jac)) * variance))
 
 
-def robust_std(values: ArrayLike) -> float:
-    """Standard deviation around zero by the median absolute value, which outliers do not move."""
-    return 1.4826 * float(np.median(np.abs(values)))
+def robust_std(values: ArrayLike, axis: tuple[int, ...] | None = None) -> Any:
+    """Standard deviation around zero by the median absolute value, which outliers do not move; along axes that stay."""
+    return 1.4826 * np.median(np.abs(values), axis=axis, keepdims=axis is not None)
 
 
 def whole_shift(seen: Array, expected: Array) -> Array:

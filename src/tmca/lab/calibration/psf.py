@@ -154,8 +154,6 @@ def fit_zernike_psf(
     *,
     modes: Sequence[Mode] = MODES,
     nominal: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    seed: int = 0,
     source: object = "psf",
 ) -> ZernikeFit:
     """Nonlinear least squares of all point spread functions together, through the package's own propagation.
@@ -168,8 +166,6 @@ def fit_zernike_psf(
         bench: its optics; ``bench.window`` is that of the stack.
         modes: (n, m) to fit.
         nominal: (H, W) heights that were asked for, metres, to which the modes are added; flat without it.
-        start: (M,) coefficients to begin at, metres; other starts are tried where it does not lead to a good fit.
-        seed: of the other starts.
         source: named in errors.
 
     Raises:
@@ -179,12 +175,12 @@ def fit_zernike_psf(
     """
     _check(stack, bench, modes, nominal)
     model = _Model(stack, bench, tuple(modes), nominal)
-    rng, first = np.random.default_rng(seed), np.zeros(len(modes)) if start is None else np.asarray(start) / _MICRO
+    rng = np.random.default_rng(0)
     best: Any = None
     tried = 0
     for tried in range(1, _STARTS + 1):
         other = rng.standard_normal(len(modes)) * _START_RMS / _MICRO / np.sqrt(len(modes))
-        fit = model.fitted(first if tried == 1 else first + other)
+        fit = model.fitted(other * (tried > 1))
         best = fit if best is None or fit.cost < best.cost else best
         if model.residual(best) < max(_GOOD, 1.5 * 10 ** (-stack.snr_db / 20)):
             break
@@ -243,11 +239,9 @@ class _Model:
         return float(np.sqrt((fit.fun**2).sum() / (self.data**2).sum()))
 
     def residuals(self, values: Array) -> Array:
-        left = [
-            self._split(self._pixels(self._field(values, d).abs().square()), d)[0].ravel()
-            for d in range(len(self.data))
-        ]
-        return np.concatenate(left)
+        fields = [self.propagator(self._before(values, depth)) for depth in range(len(self.data))]
+        seen = [self._pixels(field.abs().square()) for field in fields]
+        return np.concatenate([self._split(light, depth)[0].ravel() for depth, light in enumerate(seen)])
 
     def jacobian(self, values: Array) -> Array:
         """Derivatives with light and background of every frame eliminated (Kaufman, BIT 15, 49, 1975)."""
@@ -273,10 +267,6 @@ class _Model:
         heights = heights + torch.tensordot(torch.from_numpy(values[at : at + 2]), self.tilts, 1)
         phase = self.turns[:, None, None] * heights
         return self.points[depth] * torch.polar(torch.ones_like(phase), phase)
-
-    def _field(self, values: Array, depth: int) -> Tensor:
-        field: Tensor = self.propagator(self._before(values, depth))
-        return field
 
     def _pixels(self, light: Tensor) -> Array:
         """(..., L, h, w) sum of samples over pixels."""

@@ -81,17 +81,14 @@ def measure_dark(frames: ArrayLike, *, source: object = "dark") -> DarkField:
         DataError: fewer than two frames, or more than a tenth of the pixels hot: light came in.
     """
     values = np.asarray(frames, dtype=np.float64)
-    if values.ndim == 4:
-        each = [measure_dark(one, source=source) for one in values.swapaxes(0, 1)]
-        mean, noise, hot = (_stacked(each, name) for name in ("mean", "read_noise", "defects"))
-        return DarkField(mean, noise, hot, len(values))
-    if values.ndim != 3 or len(values) < 2:
-        found = f"{len(values) if values.ndim == 3 else 1} dark frame"
+    if values.ndim not in (3, 4) or len(values) < 2:
+        found = f"{len(values) if values.ndim > 2 else 1} dark frame"
         raise DataError(source, found, "two or more, for the read noise", "capture more")
     mean, noise = values.mean(axis=0), values.std(axis=0, ddof=1)
-    hot = _far(mean, values.shape[0]) | (_far(noise, values.shape[0]) & (noise > np.median(noise)))
-    if hot.mean() > 0.1:
-        raise DataError(source, f"{hot.mean():.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
+    usual = np.median(noise, axis=(-2, -1), keepdims=True)
+    hot = _far(mean, len(values)) | (_far(noise, len(values)) & (noise > usual))
+    if (share := float(hot.mean((-2, -1)).max())) > 0.1:
+        raise DataError(source, f"{share:.0%} hot pixels", "10% at most", "cover the lens; even light is no dark")
     return DarkField(mean, noise, np.where(hot, HOT, 0).astype(np.uint8), len(values))
 
 
@@ -101,10 +98,11 @@ def _stacked(fields: Sequence[Any], name: str) -> Any:
 
 
 def _far(values: Array, frames: int) -> NDArray[np.bool_]:
-    """Values many robust deviations from the median; of sample deviations, whose own spread has long tails, of more."""
-    middle = np.median(values)
-    spread = robust_std(values - middle) + 0.5 / np.sqrt(12 * frames)
-    return np.asarray(np.abs(values - middle) > _OUTLIER * spread * (1 + 4 / frames))
+    """Values (…, H, W) many robust deviations from the median; of sample deviations, whose own spread has long tails,
+    of more."""
+    off = np.abs(values - np.median(values, axis=(-2, -1), keepdims=True))
+    spread = robust_std(off, axis=(-2, -1)) + 0.5 / np.sqrt(12 * frames)
+    return np.asarray(off > _OUTLIER * spread * (1 + 4 / frames))
 
 
 def measure_flat(frames: ArrayLike, dark: DarkField, *, source: object = "flat") -> FlatField:

@@ -11,8 +11,8 @@ from tmca.data import metres_to_nm
 from tmca.errors import SettingError, check_range
 from tmca.lab.acquisition.captures import CaptureFrame
 from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import buckets_of, exposed_whole, frame_time
-from tmca.lab.light import Light
 
 PATTERNS, OPEN, CODES = "patterns", "open", "codes"
 BUCKET, IN_TURN = "bucket_", "in_turn"

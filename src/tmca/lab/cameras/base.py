@@ -1,22 +1,47 @@
-"""One object per kind of camera that tells the laboratory what is different for it."""
+"""Light on the optical table, and one object per kind of camera that tells the laboratory what is different for it."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from torch import Tensor, nn
+from torch import Tensor
 
 from tmca.cameras import Camera
 from tmca.errors import DeviceError, SettingError, check_choice
-from tmca.lab.light import Light
 
 if TYPE_CHECKING:
     from tmca.lab.calibration.file import Calibration
     from tmca.lab.display.codes import Planes
     from tmca.lab.frames import Array
     from tmca.sensor import Sensor
+
+Kind = Literal["none", "even", "white", "point"]
+
+
+@dataclass(frozen=True)
+class Light:
+    """What is before the camera.
+
+    Args:
+        kind: ``none`` (lens covered), ``even`` (light on the bare sensor, out of focus), ``white`` (a white scene),
+            ``point`` (a point source in the middle of the view, as bright as the sensor bears).
+        wavelength: of the light, metres; all of them without.
+        view: (row, column) from the middle one that alone is open; all without.
+        reflectance: of the white scene, or of the even light as a share of it.
+        exposure: of a frame, as a multiple of the usual one.
+        depth: of the point, metres.
+    """
+
+    kind: Kind
+    wavelength: float | None = None
+    view: tuple[int, int] | None = None
+    reflectance: float = 1.0
+    exposure: float = 1.0
+    depth: float | None = None
+
 
 LAB_CAMERAS: dict[str, LabCamera] = {}
 """What the laboratory knows of every kind of camera."""
@@ -59,10 +84,6 @@ class LabCamera(ABC):
         Raises:
             DeviceError: codes of another size.
         """
-
-    @abstractmethod
-    def timed_codes(self, camera: Any) -> nn.Module:
-        """The module that knows when its patterns are shown, where they have faults in time."""
 
     @abstractmethod
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:

@@ -14,10 +14,9 @@ from tmca.codes import Codes, leaked
 from tmca.codes.buckets import bucket_shutters, changing, mixed_buckets
 from tmca.errors import DataError, DeviceError
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.cameras.base import LabCamera, check_light
+from tmca.lab.cameras.base import LabCamera, Light, check_light
 from tmca.lab.display.codes import Planes
 from tmca.lab.frames import Array
-from tmca.lab.light import Light
 
 MASK_STEPS = frozenset({"dark", "flat", "white", "linearity", "registration", "buckets", "timing"})
 """Steps of a camera behind a mask, whatever its optics."""
@@ -49,11 +48,6 @@ class CodedLab(LabCamera):
                 found = f"{name} of {tuple(plane.shape)}"
                 raise DeviceError("simulated bench", found, expected, "export them for it")
         return camera.replace(codes=Codes(shown["aperture"], shown["shutter"]), slots=codes.slots)
-
-    def timed_codes(self, camera: Any) -> nn.Module:
-        """See ``LabCamera``."""
-        codes: nn.Module = camera.codes
-        return codes
 
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
         """See ``LabCamera``."""

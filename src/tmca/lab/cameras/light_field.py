@@ -11,10 +11,9 @@ from tmca.cameras import LightFieldCamera
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.calibration.registration import nominal_matrix
-from tmca.lab.cameras.base import BRIGHT, check_light
+from tmca.lab.cameras.base import BRIGHT, Light, check_light
 from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
 from tmca.lab.frames import Array
-from tmca.lab.light import Light
 from tmca.optics import ViewShear
 from tmca.sensor import Sensor
 

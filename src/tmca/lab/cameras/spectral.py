@@ -15,10 +15,9 @@ from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.dispersion import REGISTERED_AT
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
-from tmca.lab.cameras.base import BRIGHT, check_light
+from tmca.lab.cameras.base import BRIGHT, Light, check_light
 from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
 from tmca.lab.frames import Array
-from tmca.lab.light import Light
 from tmca.sensor import Sensor
 
 _NEAR = 1e-10

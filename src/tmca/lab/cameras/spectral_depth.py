@@ -12,10 +12,9 @@ from torch import Tensor, nn
 from tmca.cameras import PhaseCodes, SpectralDepthCamera
 from tmca.errors import DataError
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.cameras.base import BRIGHT, LabCamera, check_light
+from tmca.lab.cameras.base import BRIGHT, LabCamera, Light, check_light
 from tmca.lab.cameras.spectral import band_brightness, middle_first
 from tmca.lab.display.codes import Planes
-from tmca.lab.light import Light
 from tmca.optics import FreeForm, ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
 from tmca.sensor import Sensor
@@ -51,13 +50,9 @@ class SpectralDepthLab(LabCamera):
         heights = ZernikeHeights(codes.modes["coefficients"], modes, size)
         return camera.replace(codes=PhaseCodes(camera.point_spread.behind(heights), camera.shutter))
 
-    def timed_codes(self, camera: SpectralDepthCamera) -> nn.Module:
-        """See ``LabCamera``."""
-        return camera.shutter
-
     def opened(self, camera: SpectralDepthCamera, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
         """See ``LabCamera``."""
-        optics = camera.point_spread.behind(_ChosenHeights(camera.point_spread.heights, patterns))
+        optics = camera.point_spread.behind(FreeForm(camera.point_spread.heights()[list(patterns)]))
         return camera.replace(codes=PhaseCodes(optics, _OpenedShutter(camera.shutter, shares)), **parts)
 
     def wavelengths(self, camera: SpectralDepthCamera) -> Sequence[float]:
@@ -102,15 +97,3 @@ class _OpenedShutter(nn.Module):
 
     def part(self, rows: slice, columns: slice) -> Tensor:
         return self()[:, rows, columns]
-
-
-class _ChosenHeights(nn.Module):
-    """The height maps of some slots."""
-
-    def __init__(self, heights: nn.Module, slots: Sequence[int]) -> None:
-        super().__init__()
-        self.heights, self.slots, self.size = heights, list(slots), heights.size
-
-    def forward(self) -> Tensor:
-        maps: Tensor = self.heights()
-        return maps[self.slots]

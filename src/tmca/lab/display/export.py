@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,21 +15,11 @@ from numpy.typing import NDArray
 
 import tmca
 from tmca.data import atomic_path, checksum_of, make_folder, write_json
-from tmca.errors import OutputError, SettingError
-from tmca.lab.display.codes import Planes, Size, read_table, table, terms_of
+from tmca.errors import OutputError, SettingError, check_range
+from tmca.lab.display.codes import Planes, Size, check_buckets, numbers_of, read_table, table, terms_of
 from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
-from tmca.lab.display.manifest import (
-    FORMAT,
-    NAME,
-    SOURCE_AT,
-    SlotTimes,
-    digest,
-    read_frame,
-    shown_files,
-    write_frame,
-)
+from tmca.lab.display.manifest import FORMAT, NAME, SOURCE_AT, digest, read_frame, write_frame
 from tmca.lab.display.placement import Affine, Placement
-from tmca.lab.display.sorting import check_buckets, numbers_of
 from tmca.lab.notes import CODES_DATE, date_of_codes, now
 
 if TYPE_CHECKING:
@@ -113,16 +103,27 @@ def export_codes(
         SettingError: codes that a device cannot show, or two devices for one plane.
         OutputError: something is in the folder's place.
     """
-    for name, size in (("--code-size", code_size), ("--sensor-size", sensor_size)):
-        if size is not None and min(size) < 1:
-            raise SettingError(name, f"{size[0]}x{size[1]}", "HEIGHTxWIDTH of one pixel or more")
-    sizes, places = {"aperture": code_size, "shutter": sensor_size}, {"aperture": (offset, affine)}
-
-    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
+    for name, asked in (("--code-size", code_size), ("--sensor-size", sensor_size)):
+        if asked is not None and min(asked) < 1:
+            raise SettingError(name, f"{asked[0]}x{asked[1]}", "HEIGHTxWIDTH of one pixel or more")
+    planes = [device.plane for device in devices]
+    if not planes or len(set(planes)) < len(planes):
+        found = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
+        raise SettingError("--device", found, "one device for each plane that is shown")
+    check_free(Path(out), overwrite)
+    sizes = {"aperture": code_size, "shutter": sensor_size}
+    shown: list[_Shown] = []
+    for device in devices:
+        if device.kind == "deformable-mirror":
+            shown.append((device, None, None))
+            continue
         plane = codes.full(device.plane, sizes.get(device.plane) or _shown_size(codes, device)).numpy()
-        return plane, _placed(device, plane.shape[-2:], *places.get(device.plane, ((0, 0), None)))
-
-    return _written(codes, devices, shown, Path(out), exposure, overwrite)
+        size, moved = (plane.shape[-2], plane.shape[-1]), offset if device.plane == "aperture" else (0, 0)
+        placement = Placement.of(device, size, moved)
+        if affine is not None and device.plane == "aperture":
+            placement = Placement.by(affine, placement.device, size)
+        shown.append((device, plane, placement))
+    return _written(codes, shown, Path(out), exposure)
 
 
 def export_like(
@@ -139,67 +140,73 @@ def export_like(
     Raises:
         SettingError, OutputError: see ``export_codes``.
     """
-
-    def shown(device: DeviceDescription) -> tuple[NDArray[np.float32], Placement]:
-        return codes.full(device.plane).numpy(), placed[device.plane][1]
-
-    return _written(codes, [device for device, _ in placed.values()], shown, Path(out), codes.slots * slot, True)
+    check_free(Path(out), overwrite=True)
+    shown: list[_Shown] = [(device, codes.full(plane).numpy(), place) for plane, (device, place) in placed.items()]
+    return _written(codes, shown, Path(out), codes.slots * slot)
 
 
-_Shown = Callable[[DeviceDescription], tuple[NDArray[np.float32], Placement]]
-"""(K, H, W) what a device shows, and where."""
+_Shown = tuple[DeviceDescription, NDArray[np.float32] | None, Placement | None]
+"""A device, (K, H, W) what it shows, and where; a mirror shows terms."""
 
 
-def _placed(
-    device: DeviceDescription, code: tuple[int, ...], offset: tuple[int, int], affine: Affine | None
-) -> Placement:
-    size = (code[0], code[1])
-    placement = Placement.of(device, size, offset)
-    return placement if affine is None else Placement.by(affine, placement.device, size)
-
-
-def _written(
-    codes: Planes, devices: Sequence[DeviceDescription], shown: _Shown, folder: Path, exposure: float, overwrite: bool
-) -> Export:
+def _written(codes: Planes, shown: Sequence[_Shown], folder: Path, exposure: float) -> Export:
     """The folder of an export, whole or not at all; of a link, the place that it leads to."""
-    _check_asked(devices, folder, overwrite)
-    times = SlotTimes(codes.slots, exposure)
-    for device in devices:
-        times.check(device)
+    for device, _, _ in shown:
+        _check_rate(device, codes.slots, exposure)
     place = folder.resolve()
     make_folder(place.parent)
     with atomic_path(place, overwrite=True) as temporary:
         temporary.mkdir()
-        manifest = _manifest(codes, times, [_plane(codes, one, shown, times, temporary) for one in devices])
+        manifest = _manifest(codes, exposure, [_plane(codes, *one, exposure, temporary) for one in shown])
         write_json(manifest, temporary / NAME)
     return Export(folder, manifest)
 
 
-def _check_asked(devices: Sequence[DeviceDescription], folder: Path, overwrite: bool) -> None:
-    planes = [device.plane for device in devices]
-    if not planes or len(set(planes)) < len(planes):
-        found = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
-        raise SettingError("--device", found, "one device for each plane that is shown")
-    check_free(folder, overwrite)
+def _check_rate(device: DeviceDescription, slots: int, exposure: float) -> None:
+    """Raises SettingError where a device is too slow, or holds too few patterns."""
+    check_range("--exposure", exposure, above=0, unit="s")
+    rate, most = slots / exposure, device.pattern_rate_hz
+    if most is not None and rate > most * (1 + 1e-9):
+        found = f"{slots} slots in {exposure:g} s, {rate:g} patterns a second"
+        remedy = f"expose {slots / most:g} s or longer, or take fewer slots"
+        raise SettingError("--exposure", found, f"{most:g} at most on {device.name}", remedy)
+    if device.memory_patterns is not None and slots > device.memory_patterns:
+        raise SettingError(device.name, f"{slots} patterns", f"{device.memory_patterns} at most in its memory")
 
 
-def _plane(codes: Planes, device: DeviceDescription, shown: _Shown, times: SlotTimes, folder: Path) -> dict[str, Any]:
+def _plane(
+    codes: Planes,
+    device: DeviceDescription,
+    plane: NDArray[np.float32] | None,
+    placement: Placement | None,
+    exposure: float,
+    folder: Path,
+) -> dict[str, Any]:
     """Files of one device, and what the manifest says of them."""
     place = folder / device.plane
     place.mkdir()
     about: dict[str, Any] = {"plane": device.plane, "device": device.model_dump(), **_response(device, place)}
-    if device.kind == "deformable-mirror":
-        return about | _mirror(codes, device, times, place, folder)
-    plane, placement = shown(device)
+    if plane is None or placement is None:
+        return about | _mirror(codes, device, exposure, place)
     check_buckets(codes, device)
     frames = placement.shown(_levels(plane, device, codes.source))
     files = [write_frame(place / f"{device.plane}_{k:03d}.png", frame, device.bits) for k, frame in enumerate(frames)]
     return about | {
         "placement": vars(placement),
         "units": _units(device),
-        "frames": shown_files(files, folder, times, _TRIGGERS[device.kind]),
+        "frames": _timed(files, device, exposure),
         "codes_sha256": digest(plane),
     }
+
+
+def _timed(files: Sequence[Path], device: DeviceDescription, exposure: float) -> list[dict[str, Any]]:
+    """What the manifest says of the files of one plane, in the order of the slots; seconds from the trigger."""
+    each = exposure / len(files)
+    return [
+        {"slot": slot, "file": f"{file.parent.name}/{file.name}", "start_s": slot * each, "duration_s": each,
+         "trigger": _TRIGGERS[device.kind], "sha256": checksum_of(file)}
+        for slot, file in enumerate(files)
+    ]  # fmt: skip
 
 
 def _units(device: DeviceDescription) -> str:
@@ -255,27 +262,26 @@ def _check_tile(frames: NDArray[np.generic], device: DeviceDescription, source: 
         raise SettingError(source, found, held, f"take codes with a period (--period {rows}x{columns})")
 
 
-def _mirror(codes: Planes, device: DeviceDescription, times: SlotTimes, place: Path, folder: Path) -> dict[str, Any]:
+def _mirror(codes: Planes, device: DeviceDescription, exposure: float, place: Path) -> dict[str, Any]:
     terms = terms_of(codes, device)
     file = place / TABLE
     file.write_text(table(terms), encoding="utf-8")
-    frames = shown_files([file] * len(terms.rms), folder, times, _TRIGGERS[device.kind])
     return {
         "units": "micrometres of surface, root mean square over the pupil; larger = deeper (longer path)",
-        "frames": frames,
+        "frames": _timed([file] * len(terms.rms), device, exposure),
         "residual_rms_nm": (terms.residual * 1e9).round(4).tolist(),
         "peak_to_valley_um": (terms.peak_to_valley() * 1e6).round(6).tolist(),
         "codes_sha256": digest(np.round(terms.rms * 1e6, 9)),
     }
 
 
-def _manifest(codes: Planes, times: SlotTimes, planes: list[dict[str, Any]]) -> dict[str, Any]:
+def _manifest(codes: Planes, exposure: float, planes: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "format": FORMAT, "tmca": tmca.__version__, "written": datetime.now(UTC).isoformat(timespec="seconds"),
         "source": codes.source, "camera": codes.application, "settings": dict(codes.settings or {}),
         **({SOURCE_AT: str(Path(codes.source).absolute())} if Path(codes.source).exists() else {}),
         CODES_DATE: date_of_codes([codes.source]) if Path(codes.source).exists() else now(),
-        "slots": times.slots, "exposure_s": times.exposure, "planes": planes,
+        "slots": codes.slots, "exposure_s": exposure, "planes": planes,
     }  # fmt: skip
 
 

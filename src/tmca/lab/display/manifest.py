@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError
+from pydantic import Field, TypeAdapter
 
 from tmca.attributes import Attributes, Inside, NamedJson, attributes_of, read_json
 from tmca.data import checksum_of, content_digest, read_array
-from tmca.errors import DataError, SettingError, check_range
-from tmca.lab.display.codes import Planes, read_table
+from tmca.errors import DataError, SettingError
+from tmca.lab.display.codes import Planes, read_table, shutter_of
 from tmca.lab.display.devices import DeviceDescription, grey_of, light_of
 from tmca.lab.display.placement import Placement
-from tmca.lab.display.sorting import shutter_of
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll
 
@@ -58,15 +55,6 @@ def digest(codes: NDArray[Any]) -> str:
     return hashlib.sha256(repr(values.shape).encode() + values.tobytes()).hexdigest()
 
 
-def shown_files(files: Sequence[Path], folder: Path, times: SlotTimes, trigger: dict[str, str]) -> list[dict[str, Any]]:
-    """What the manifest says of the files of one plane, in the order of the slots."""
-    return [
-        {"slot": slot, "file": file.relative_to(folder).as_posix(), **when, "trigger": trigger,
-         "sha256": checksum_of(file)}
-        for slot, (file, when) in enumerate(zip(files, times.of_slots(), strict=True))
-    ]  # fmt: skip
-
-
 def shown_digest(manifest: dict[str, Any]) -> str:
     """SHA-256 of what an export shows: its codes in their order, on which devices, where and when, but not of when or
     from which file it was written; pictures of the same codes may differ in their bytes."""
@@ -89,44 +77,25 @@ def read_manifest(folder: str | Path) -> dict[str, Any]:
     return about
 
 
-_Side = Annotated[int, Field(ge=1, le=2**15)]
-
-
 class _Frame(Attributes):
     file: Inside
     sha256: str
     start_s: float = 0.0
 
 
-class _Shown(Attributes):
-    """What counts of a device; `DeviceDescription` checks the rest."""
+class _Device(DeviceDescription):
+    """One whose table of the response lies in the export."""
 
-    kind: str
-    name: str
     lut: Inside | None = None
-    buckets: int = Field(default=1, ge=1, le=256)
-
-
-class _Placed(Attributes):
-    """Of `Placement`."""
-
-    code: tuple[_Side, _Side]
-    device: tuple[_Side, _Side]
-    macro_pixel: float = Field(gt=0, le=1024)
-    angle: float
-    lattice: Literal["square", "diamond"]
-    flip: tuple[Literal["rows", "columns"], ...]
-    offset: tuple[int, int]
-    affine: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
 class _Plane(Attributes):
     plane: str
-    device: _Shown
+    device: _Device
     frames: list[_Frame] = Field(min_length=1)
     codes_sha256: str
     response_sha256: str | None = None
-    placement: _Placed | None = None
+    placement: Placement | None = None
 
 
 class _Manifest(Attributes):
@@ -203,15 +172,8 @@ def read_export(folder: str | Path) -> Planes:
 
 
 def device_of(about: dict[str, Any], folder: str | Path) -> DeviceDescription:
-    """The device of a plane.
-
-    Raises:
-        DataError: the manifest describes none.
-    """
-    try:
-        device = DeviceDescription.model_validate(about["device"])
-    except (KeyError, ValidationError):
-        raise DataError(folder, "a device that is none", "the manifest of an export", "export again") from None
+    """The device of a plane."""
+    device = DeviceDescription.model_validate(about["device"])
     return device if device.lut is None else device.model_copy(update={"lut": str(Path(folder) / device.lut)})
 
 
@@ -221,15 +183,9 @@ def placement_of(about: dict[str, Any], folder: str | Path) -> Placement:
     Raises:
         DataError: the manifest does not say.
     """
-    try:
-        stored = dict(about["placement"])
-        pairs = {name: tuple(stored[name]) for name in ("code", "device", "flip", "offset")}
-        affine = stored.get("affine")
-        turned = None if affine is None else (tuple(affine[0]), tuple(affine[1]))
-        return Placement(**{**stored, **pairs, "affine": turned})
-    except (KeyError, IndexError, TypeError) as error:
-        found = f"a placement that is none ({type(error).__name__}: {error})"
-        raise DataError(folder, found, "the manifest of an export", "export again") from error
+    if about.get("placement") is None:
+        raise DataError(folder, f"no placement of the {about['plane']}", "one", "export again")
+    return TypeAdapter(Placement).validate_python(about["placement"])
 
 
 def _pixels(about: dict[str, Any], device: DeviceDescription, folder: Path) -> torch.Tensor:
@@ -261,33 +217,3 @@ def _heights(about: dict[str, Any], folder: Path) -> tuple[torch.Tensor, dict[st
     coefficients = torch.from_numpy(terms.rms.astype(np.float32))
     maps = ZernikeHeights(coefficients, [noll(index) for index in terms.noll], (_MASK, _MASK))
     return maps().detach(), {"coefficients": coefficients, "noll": torch.tensor(terms.noll)}
-
-
-@dataclass(frozen=True)
-class SlotTimes:
-    """When the slots of one exposure are shown.
-
-    Args:
-        slots: K.
-        exposure: of all slots, seconds.
-    """
-
-    slots: int
-    exposure: float
-
-    def of_slots(self) -> list[dict[str, float]]:
-        """Beginning and duration of every slot, seconds from the trigger."""
-        each = self.exposure / self.slots
-        return [{"start_s": slot * each, "duration_s": each} for slot in range(self.slots)]
-
-    def check(self, device: DeviceDescription) -> None:
-        """Raises SettingError where a device is too slow, or holds too few patterns."""
-        check_range("--exposure", self.exposure, above=0, unit="s")
-        rate = self.slots / self.exposure
-        if device.pattern_rate_hz is not None and rate > device.pattern_rate_hz * (1 + 1e-9):
-            least = self.slots / device.pattern_rate_hz
-            found = f"{self.slots} slots in {self.exposure:g} s, {rate:g} patterns a second"
-            remedy = f"expose {least:g} s or longer, or take fewer slots"
-            raise SettingError("--exposure", found, f"{device.pattern_rate_hz:g} at most on {device.name}", remedy)
-        if device.memory_patterns is not None and self.slots > device.memory_patterns:
-            raise SettingError(device.name, f"{self.slots} patterns", f"{device.memory_patterns} at most in its memory")

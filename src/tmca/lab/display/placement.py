@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil, radians
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.devices import DeviceDescription
 
 _SLACK = 1e-9
 Size = tuple[int, int]
+Side = Annotated[int, Field(ge=1, le=2**15)]
 Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
@@ -33,12 +36,12 @@ class Placement:
             of all that is above.
     """
 
-    code: tuple[int, int]
-    device: tuple[int, int]
-    macro_pixel: float = 1.0
+    code: tuple[Side, Side]
+    device: tuple[Side, Side]
+    macro_pixel: Annotated[float, Field(gt=0, le=1024)] = 1.0
     angle: float = 0.0
-    lattice: str = "square"
-    flip: tuple[str, ...] = ()
+    lattice: Literal["square", "diamond"] = "square"
+    flip: tuple[Literal["rows", "columns"], ...] = ()
     offset: tuple[int, int] = (0, 0)
     affine: Affine | None = None
 

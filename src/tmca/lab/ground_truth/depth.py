@@ -145,14 +145,17 @@ def measure_depth(
     check_size(capture.source, "frames", capture.values.shape[2:], calibration.camera.size, "calibrate at that size")
     check_size("fringes", "a projector", plan.size, calibration.projector.size, "calibrate at that size")
     phases = measure_phases(capture.values, noise)
-    # rounding to whole numbers is noise too, and all of it where there is no other
-    phases = phases if noise or phases.noise > capture.step / 4 else measure_phases(capture.values, _rounding(capture))
+    if not noise and phases.noise <= capture.step / 4:
+        # rounding to whole numbers is noise too, and all of it where there is no other
+        rounding = max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
+        phases = measure_phases(capture.values, rounding)
     why, absolute = _unwrapped(phases, capture, plan, unwrap)
     position = plan.position(absolute)
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
     depth, depth_std = triangulate(position, std, calibration, plan.across)
     reasons = by_range(why, depth, position, plan, (near, far))
-    residual = _no_cosine(phases, why)
+    lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
+    residual = float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
     _check_some(reasons, capture)
     reasons = by_company(reasons, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
     quality = quality_of(capture.source, "no cosine over the steps:", residual, _USUAL)
@@ -186,10 +189,6 @@ def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
     return {"rmse": rmse, "largest": float(np.abs(error[both]).max()), "rmse_percent": percent, "in_deviations": ratio}
 
 
-def _rounding(capture: Capture) -> float:
-    return max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
-
-
 def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwrapping) -> tuple[Why, Array]:
     """Why pixels are left out so far, and the absolute phase."""
     why = by_light(phases, capture.saturated)
@@ -197,12 +196,6 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
         return why, spatial_unwrap(phases, plan.fringes, why == 0, unwrap)
     absolute, disagreement, risk = temporal_unwrap(phases, plan.fringes)
     return by_frequencies(why, disagreement, risk), absolute
-
-
-def _no_cosine(phases: Phases, why: Why) -> float:
-    """Share of the variation over the steps that is no cosine, of the median lit pixel and the worst frequency."""
-    lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
-    return float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
 
 
 def _check_some(why: Why, capture: Capture) -> None:
@@ -238,6 +231,5 @@ def depth_figure(measured: xr.Dataset, title: str) -> Figure:
     """Depth, its standard deviation, and why pixels have none, of `measure_depth`'s result."""
     from tmca.plots.lab import measured_depth_figure
 
-    reasons = [part.split(" ", 1)[1] for part in str(measured["confidence"].attrs["reasons"]).split(", ")]
     depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
-    return measured_depth_figure(depth, deviation, reason, reasons, title)
+    return measured_depth_figure(depth, deviation, reason, REASONS, title)

@@ -263,12 +263,14 @@ def spatial_unwrap(phases: Phases, fringes: tuple[int, ...], inside: NDArray[np.
         DataError: no pixel inside.
     """
     from scipy.ndimage import label
+    from skimage.restoration import unwrap_phase
 
     ladder(fringes)
     if not inside.any():
         raise DataError("phase", "no pixel with fringes", "some", "check the light and the order of frames")
     finest = phases.phase[-1]
-    relative = _over_neighbours(finest, inside)
+    unwrapped = unwrap_phase(np.ma.masked_array(finest, ~inside), rng=0)
+    relative = np.asarray(np.ma.filled(unwrapped, 0.0), dtype=np.float64)
     if how == "graph-cut":
         relative = graph_cut_unwrap(finest, inside, relative)
     coarse, _, _ = temporal_unwrap(phases, fringes)
@@ -277,10 +279,3 @@ def spatial_unwrap(phases: Phases, fringes: tuple[int, ...], inside: NDArray[np.
         here = regions == region
         relative[here] += _TURN * np.round(np.median(coarse[here] - relative[here]) / _TURN)
     return np.where(inside, relative, np.nan)
-
-
-def _over_neighbours(phase: Array, inside: NDArray[np.bool_]) -> Array:
-    from skimage.restoration import unwrap_phase
-
-    unwrapped = unwrap_phase(np.ma.masked_array(phase, ~inside), rng=0)
-    return np.asarray(np.ma.filled(unwrapped, 0.0), dtype=np.float64)

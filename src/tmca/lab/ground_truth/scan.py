@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tmca.data import label, metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError, check_range
-from tmca.lab.frames import Frames, check_size, named, read_frames
+from tmca.lab.frames import Frames, check_saturation, check_size, named, read_frames
 from tmca.lab.ground_truth.spectra import read_spectra
 from tmca.lab.importing import dark_noise
 
@@ -35,14 +35,6 @@ def check_alike(scene: Frames, white: Frames, dark: Frames) -> None:
         if other.kind != scene.kind:
             found, remedy = f"digital numbers of type {other.kind}", "save all with the same settings"
             raise DataError(other.source, found, f"{scene.kind} as the scene's", remedy)
-
-
-def _check_saturation(frames: Frames) -> None:
-    """Raises DataError for a band that is mostly saturated."""
-    share = frames.saturated.mean(axis=(1, 2))
-    if share.max() > _SATURATED:
-        found = f"{share.max():.0%} of the pixels saturated in {frames.names[int(share.argmax())]}"
-        raise DataError(frames.source, found, f"{_SATURATED:.0%} at most", "expose for less time")
 
 
 _NM = re.compile(r"(\d+(?:\.\d+)?) ?nm(?![a-z])", re.IGNORECASE)
@@ -103,7 +95,7 @@ def read_scan(
     whites, _, of_white = _bands(bright, nm)
     below, count, noise = _dark(black, nm)
     for part in (frames, whites):
-        _check_saturation(part)
+        check_saturation(part, _SATURATED)
     return Scan(Path(scene), nm, frames, whites, below, of_scene, of_white, count, noise)
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.bench import FringePlan, Lens, ProjectorCalibration, camera_rays, write_frames, write_fringes
+from studies.ray_physics import Array
 from tmca.data import atomic_path, label, label_depth, label_spectral_depth, metres_to_nm, rendered_scene, write_dataset
 from tmca.errors import SettingError, ShapeError
-from tmca.lab.frames import write_frames
-from tmca.lab.ground_truth.fringes import FringePlan, write_fringes
-from tmca.lab.ground_truth.geometry import Array, Lens, ProjectorCalibration, camera_rays
 
 _BLACK, _BRIGHT = 0.02, 0.8
 
