@@ -155,9 +155,11 @@ def _search_codes(
     about: dict[str, Any],
 ) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
+    from tmca.design import SURVEY
     from tmca.reports.codes import COLUMNS
 
-    how = {**search.model_dump(), "overwrite": overwrite, **about}
+    effort = SURVEY if search.quick else None
+    how = {**search.model_dump(exclude={"quick"}), "effort": effort, "overwrite": overwrite, **about}
     with progress_bar(f"design {out.name}") as progress:
         _, report = design(
             _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how

@@ -23,6 +23,8 @@ class CodeSearchSpec(Spec):
     light: Share | None = None
     """Mean irradiance that SCENES are dimmed to before codes are searched, share of white: the same scenes under less
     light, where noise weighs more. [default: as they are]"""
+    quick: bool = False
+    "A first look: the last searches take no more effort than the survey, and end some tenths of a dB lower."
     seed: Seed = 0
     "Of random codes."
 
