@@ -7,7 +7,7 @@
 import subprocess
 import sys
 
-MUTATIONS = 400
+MUTATIONS = 200
 
 
 def _fuzz(*arguments):
