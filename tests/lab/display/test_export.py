@@ -227,9 +227,9 @@ def test_the_folder_that_one_stands_in_is_refused(tmp_path, written, monkeypatch
         export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], ".", overwrite=True)
 
 
-@pytest.mark.parametrize("left", [".DS_Store", "aperture/Thumbs.db"])
-def test_what_a_system_left_in_an_export_does_not_stop_its_replacing(tmp_path, written, left):
-    (written / left).write_text("")
+@pytest.mark.parametrize("left", [".DS_Store", "aperture/Thumbs.db", ".overview.png.0123456789ab.tmp"])
+def test_what_a_system_or_a_killed_process_left_in_an_export_does_not_stop_its_replacing(tmp_path, written, left):
+    (written / left).mkdir() if left.endswith(".tmp") else (written / left).write_text("")
     export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
     assert not (written / left).exists()
 

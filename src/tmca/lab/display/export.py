@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 import tmca
 from tmca.data import atomic_path, checksum_of, make_folder, write_json
+from tmca.data.atomic import sweep
 from tmca.errors import OutputError, SettingError, check_range
 from tmca.lab.display.codes import Planes, Size, check_buckets, numbers_of, read_table, table, terms_of
 from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
@@ -44,6 +45,7 @@ def check_free(folder: Path, overwrite: bool) -> None:
         raise OutputError(folder, "something that is no export", "a new folder", "choose another")
     if not overwrite:
         raise OutputError(folder, "an export", "a new folder", "choose another, or pass --overwrite")
+    sweep(folder)
     inside = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.name not in _OF_SYSTEMS)
     if strangers := [name for name in inside if not _OWN.fullmatch(name)]:
         found, remedy = f"{strangers[0]}, which is no part of the export", "move it, or choose another folder"
