@@ -95,6 +95,12 @@ class Attributes(BaseModel):
     )
 
 
+class OpenAttributes(Attributes, extra="allow"):
+    """Attributes beside which others are kept as they are, finite too."""
+
+    __pydantic_extra__: NamedJson
+
+
 def attributes_of(kind: type[A], attrs: Mapping[Any, Any], where: object, what: str = "attribute") -> A:
     """Attributes of a file as its model.
 

@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
-from tmca.attributes import Attributes, read_json
+from tmca.attributes import OpenAttributes, read_json
 from tmca.data import atomic_path, make_folder, write_json
 from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError
@@ -94,14 +94,14 @@ def load_latest(folder: Path, system: nn.Module, optimizers: dict[str, Optimizer
     return None
 
 
-class BestStep(Attributes, extra="allow"):
+class BestStep(OpenAttributes):
     """The best validation; without one, and where it is not finite, figures are None."""
 
     score: float | None
     step: int = Field(ge=0)
 
 
-class State(Attributes, extra="allow"):
+class State(OpenAttributes):
     """JSON values beside the tensors."""
 
     step: int = Field(ge=0)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.attributes import Attributes, Beside, read_json
+from tmca.attributes import Attributes, Beside, OpenAttributes, read_json
 from tmca.data import atomic_path, checksum_of, held_folder, make_folder, tiff_bytes, write_json
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
@@ -142,7 +142,7 @@ class _Frame(Attributes):
     source: dict[str, str] | None = None
 
 
-class _Taken(Attributes, extra="allow"):
+class _Taken(OpenAttributes):
     """What frames were taken with."""
 
     gain: float

@@ -207,7 +207,7 @@ def load_calibration(path: str | Path) -> Calibration:
     """
     path = find_calibration(path)
     data = read_dataset(path)
-    stated = data.attrs.get("format")
+    stated = str(data.attrs.get("format"))  # a damaged one may be an array
     if stated == FORMAT_1:
         return _read_1(path, data)
     if stated != json.dumps(FORMAT):
