@@ -90,9 +90,14 @@ def whole(name, folder, bench):
     assert set(contents(folder)) <= set(bench.undisturbed(name)[0]) | UNFINISHED.get(name, set())
 
 
+def checkpoints(run, steps):
+    """Files of a run's checkpoints before its last one."""
+    return {f"{run}/checkpoints/{n:07d}/state.{end}" for n in range(1, steps) for end in ("json", "safetensors")}
+
+
 UNFINISHED = {
-    "train": {f"trained/checkpoints/000000{n}/state.{end}" for n in range(1, 6) for end in ("json", "safetensors")},
-    "tune": {f"tuned/starts/{scene}-PLACE.npy" for scene in "ab"},
+    "train": checkpoints("trained", 6),
+    "tune": {f"tuned/starts/{scene}-PLACE.npy" for scene in "ab"} | checkpoints("tuned", 2),
 }
 """Files that a command deletes again, or may."""
 
