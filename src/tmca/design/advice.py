@@ -153,6 +153,7 @@ def advise(
     surveyed = task.surveyed(plan, survey, part)
     final = task.candidate("static", 1, effort, part("static"), surveyed[:1])
     best = {family: task.searched_on(_best(surveyed[1:], family), final, effort, part) for family in families}
+    surveyed.sort(key=lambda candidate: candidate.design.kind == BURST)  # the rival last
     found = (best.get("one"), best.get("two"), best.get(BURST))
     return Advice(final, surveyed, *found, task.noise, sheet, out, throughput)
 
