@@ -45,9 +45,7 @@ BANDS, EFFORT = 12, Effort(2, 80, 0)
 
 def middle(file: Path, size: int) -> xr.DataArray:
     """The middle of a scene, size × size pixels of 12 bands."""
-    cube = load_scene(str(file), bands=BANDS)
-    top, left = (cube.sizes["y"] - size) // 2, (cube.sizes["x"] - size) // 2
-    return cube.isel(y=slice(top, top + size), x=slice(left, left + size))
+    return load_scene(str(file), bands=BANDS, size=(size, size))
 
 
 def advised(
@@ -58,9 +56,7 @@ def advised(
     scenes = {str(number): torch.from_numpy(cube.values.copy()) for number, cube in enumerate(cubes)}
     model = design_model(designable("static", 1, (8, 8), bands=bands).taps())
     examples, survey = learn_examples(scenes, model, bands), Effort(descents, 40, 0)
-    return advise(
-        examples, sheet, slots=slots, period=(period, period), survey=survey, effort=EFFORT, bands=bands
-    )  # fmt: skip
+    return advise(examples, sheet, slots=slots, period=(period, period), survey=survey, effort=EFFORT, bands=bands)
 
 
 def measured(candidate: Candidate, sheet: SensorSheet, cubes: Sequence[xr.DataArray], prior: object) -> list[float]:
@@ -81,7 +77,7 @@ def rows(advice: Advice, examples: Sequence[xr.DataArray], others: Sequence[xr.D
         examples[0]["wavelength"].values.tolist(), None), examples[0].shape[1:], advice.sheet.sensor())  # fmt: skip
     prior = learn_prior(examples, camera)
     static = measured(advice.static, advice.sheet, others, prior)
-    written = [f"| static | {mean(advice.static.held_out.values()):.2f} dB | {mean(static):.2f} dB | |"]
+    written = [f"| static | {advice.static.psnr:.2f} dB | {mean(static):.2f} dB | |"]
     for each in advice.finals[1:]:
         gains = [own - base for own, base in zip(measured(each, advice.sheet, others, prior), static, strict=True)]
         written.append(

@@ -8,8 +8,7 @@ from tmca.reports.words import code_advice, mask_advice
 
 
 def design(kind="free", gain=0.5, spread=0.2, alike=False):
-    codes, held_out = Made(slots=4, kind=kind), {"a": 29 + gain, "b": 31 + gain}
-    return Made(design=codes, gain=gain, spread=spread, held_out=held_out, alike=alike)
+    return Made(design=Made(slots=4, kind=kind), gain=gain, spread=spread, psnr=30 + gain, alike=alike)
 
 
 def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, **changes):

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 from statistics import stdev
 from typing import Any
 
+from tmca.codes import BURST
 from tmca.design.flips import MOST_TILE, tile_bytes
 from tmca.design.kinds import designable, hold_throughput
 from tmca.design.search import SURVEY, Design, Effort, Parts, Progress, decibels, search
-from tmca.design.sheet import BURST, SensorSheet, family_of
+from tmca.design.sheet import SensorSheet, family_of
 from tmca.design.transfer import Examples
 
 _FLIP = 0.1
@@ -36,6 +37,11 @@ class Candidate:
     design: Design
     held_out: dict[str, float]
     gains: dict[str, float]
+
+    @property
+    def psnr(self) -> float:
+        """Mean over the example scenes, each under the prior of the others, dB."""
+        return sum(self.held_out.values()) / len(self.held_out)
 
     @property
     def gain(self) -> float:

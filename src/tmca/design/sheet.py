@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from math import floor
 
 from tmca.arguments import checked
+from tmca.codes import BURST
 from tmca.design.kinds import KINDS
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.sensor import Sensor
 
 SLOTS = (2, 4, 8, 16)
 """Numbers of slots that are tried."""
-BURST = "burst"
-"""Two frames one after the other: the rival of all codes of several slots."""
 _USUAL = ("free", "one-hot")
 
 
 def family_of(kind: str) -> str:
-    """How many buckets a kind of codes needs, ``"one"`` or ``"two"``; or ``"burst"``, which any sensor can take."""
+    """How many buckets a kind of codes needs, ``"one"`` or ``"two"``; or ``"burst"``, which any sensor can take: two
+    frames one after the other, the rival of all codes of several slots."""
     if kind == BURST:
         return BURST
     return "two" if KINDS[kind].get("buckets", 1) == 2 else "one"

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tmca.applications import Application, application_of
 from tmca.cameras import CAMERAS
-from tmca.codes import read_codes
+from tmca.codes import read_codes, tile_of
 from tmca.data import make_folder
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import identity_of, short_names
@@ -236,7 +236,7 @@ class CameraEvaluation:
     def search_settings(self, study: Study, code: Code, lists: Lists) -> Settings:
         """Settings of a search."""
         assert code.search is not None
-        period = list(study.tile())
+        period = list(tile_of(study.search.get("period")) or study.tile())
         about = {"kind": code.search.kind, "slots": code.search.slots, "period": period}
         return {**about, **self.searching(study.reading), "effort": study.search["effort"],
                 "examples": lists.priors[EXAMPLES], "gains": True}  # fmt: skip

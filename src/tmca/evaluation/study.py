@@ -237,8 +237,8 @@ class Study(Strict):
     published: PublishedTable | None = None
 
     def tile(self) -> tuple[int, int]:
-        """(rows, columns) of the period of searched and learned codes; a search may have one of its own."""
-        tile = tile_of(self.search.get("period") or self.settings.get("period"))
+        """(rows, columns) of the period of searched and learned codes."""
+        tile = tile_of(self.settings.get("period"))
         if tile is None:
             raise SettingError("settings.period", "none", "the tile of searched and learned codes, pixels")
         return tile

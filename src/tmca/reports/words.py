@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tmca.design import Advice, Candidate, MaskAdvice, MaskCandidate
+from tmca.design import Advice, MaskAdvice, MaskCandidate
 from tmca.design.advice import WORTH as WORTH_DECIBELS
 from tmca.design.mask_search import WORTH as WORTH_SHARE
 
@@ -33,16 +33,12 @@ def _compared_codes(advice: Advice) -> list[str]:
         return []
     own = {"with two buckets": advice.two, "with one bucket": advice.one}
     parts = [
-        f"{name}: {_psnr(each)} ({each.design.kind}, K = {each.design.slots})"
+        f"{name}: {each.psnr:.1f} dB ({each.design.kind}, K = {each.design.slots})"
         for name, each in own.items()
         if each is not None
     ]
-    parts += [f"static: {_psnr(advice.static)}", f"a burst of two frames: {_psnr(advice.burst)}"]
+    parts += [f"static: {advice.static.psnr:.1f} dB", f"a burst of two frames: {advice.burst.psnr:.1f} dB"]
     return [f"This sensor {'; '.join(parts)}.", _second_bucket(advice), _against_burst(advice), _careful(advice)]
-
-
-def _psnr(candidate: Candidate) -> str:
-    return f"{sum(candidate.held_out.values()) / len(candidate.held_out):.1f} dB"
 
 
 def _second_bucket(advice: Advice) -> str:
