@@ -36,17 +36,17 @@ _TEST = (
     Column("psnr", "PSNR (dB)", ".2f"),
     Column("gain", "measured gain over static (dB)", _GAIN),
     Column("expected", "expected gain (dB)", _GAIN),
-    Column("predicted", "foretold gain (dB)", _GAIN),
-    Column("there", "foretold, dimmed to each scene (dB)", _GAIN),
+    Column("predicted", "predicted gain (dB)", _GAIN),
+    Column("there", "predicted, dimmed to each scene (dB)", _GAIN),
     _LIGHT,
 )
 _SCENE = (
     *(_NOISE, _CODES, _PRIOR),
     Column("scene"),
-    Column("predicted", "foretold (dB)", _GAIN),
-    Column("there", "foretold, dimmed to the scene (dB)", _GAIN),
+    Column("predicted", "predicted (dB)", _GAIN),
+    Column("there", "predicted, dimmed to the scene (dB)", _GAIN),
     Column("gain", "measured (dB)", _GAIN),
-    Column("miss", "measured - foretold in the light (dB)", _GAIN),
+    Column("miss", "measured - predicted in the light (dB)", _GAIN),
     Column("seeds", "measured, seed by seed (dB)"),
 )
 _NETWORK = (
@@ -104,12 +104,12 @@ def _on_test_scenes(found: Results) -> list[str]:
     """What was predicted and what came, over all test scenes and scene by scene."""
     said = (
         "Whole images by the patch LMMSE, means over scenes and seeds; gains are over the static codes that were "
-        "designed and decoded alike. The foretold gain is that under the prior of the other examples, as `tmca design` "
-        "says it. Dimmed: the examples' light is lowered until their mean irradiance is that of the scene. Codes "
-        f"designed for the light were searched on examples dimmed to {found['mean_irradiance']:.3f}, the mean of the "
-        "test scenes, as `tmca design --light` searches them, and are foretold there; all other codes know the "
+        "designed and decoded alike. The predicted gain is that under the prior of the other examples, as `tmca "
+        "design` says it. Dimmed: the examples' light is lowered until their mean irradiance is that of the scene. "
+        f"Codes designed for the light were searched on examples dimmed to {found['mean_irradiance']:.3f}, the mean of the "
+        "test scenes, as `tmca design --light` searches them, and are predicted there; all other codes know the "
         "examples as they are. A dimmed prior is scaled to that mean too, as the forecast assumes. What is measured is "
-        "set against the foretold gain of codes designed for the light, and against that dimmed to the scene of others."
+        "set against the predicted gain of codes designed for the light, and that dimmed to the scene of others."
     )
     lines = ["## On test scenes", "", said, ""]
     lines += [table(records(test_rows(found["test"], found["light"])), _TEST), "Scene by scene, means over seeds:", ""]

@@ -87,7 +87,7 @@ def _geometry_text(found: Geometry) -> str:
   {found["explained_registered"]:.2f}.
 - **Light falls on displacements from 0 to 54 columns** (the grey range below) and hardly beyond: 28 bands of 2 pixels.
 - **Red lies at larger x.** The prism spreads short waves wider. With the bands' widths in the response, ADMM-TV
-  foretells withheld pixels with an error of ({"red far against blue far"}): {order}.
+  predicts withheld pixels with an error of ({"red far against blue far"}): {order}.
 """
 
 

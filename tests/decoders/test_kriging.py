@@ -84,7 +84,7 @@ def drawn(scene, size=(24, 25), slots=16, seed=0):
     return Samples(torch.from_numpy(points), torch.from_numpy(noisy)), 3.0 + field[len(points) :]
 
 
-def test_errors_are_as_large_as_foretold():
+def test_errors_are_as_large_as_predicted():
     scene = Covariance(3.0, 8.0, 0.5, 0.01)
     samples, later = drawn(scene)
     times = torch.arange(21, dtype=torch.float64)
@@ -95,7 +95,7 @@ def test_errors_are_as_large_as_foretold():
     assert float((found.residual**2 / found.predicted).mean()) == pytest.approx(1, abs=0.15)
 
 
-def test_the_covariance_that_is_found_foretells_as_well_as_the_true_one():
+def test_the_covariance_that_is_found_predicts_as_well_as_the_true_one():
     scene = Covariance(3.0, 4.0, 0.3, 0.01)
     samples, _ = drawn(scene, seed=1)
     places = samples.points[:, :2]

@@ -77,8 +77,8 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     assert {file.name for file in (tmp_path / "out").glob("*.png")} == {
         "spectral-depth_fisher.png", "spectral-depth_measured.png"
     }  # fmt: skip
-    assert {(row["code"], row["noise"]) for row in found["foretold"]} == {(c, n) for c in SHOWN for n in noises}
-    assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["foretold"])
+    assert {(row["code"], row["noise"]) for row in found["predicted"]} == {(c, n) for c in SHOWN for n in noises}
+    assert all(row["confusion"] > 0 and row["psnr"] > 0 and row["fisher"] > 0 for row in found["predicted"])
     assert all(0.3 < row["arrived"] <= 1 for row in found["rows"])
     (search,) = found["searches"]
     assert search["seconds"] > 0
@@ -106,9 +106,9 @@ CHOSEN = {  # depth error on test scenes, PSNR, and the error that chooses
 }
 
 
-def results(rows, foretold=(), training=()):
+def results(rows, predicted=(), training=()):
     study, split = SHIPPED.model_dump(mode="json"), {"test": ["a"], "real": ["a"]}
-    found = {"study": study, "rows": rows, "searches": [], "guess": {}, "foretold": [*foretold], "split": split}
+    found = {"study": study, "rows": rows, "searches": [], "guess": {}, "predicted": [*predicted], "split": split}
     return found | {"budget": {"training": [*training]}}
 
 
@@ -124,12 +124,12 @@ def made(decoder, levels):
 @pytest.mark.parametrize("decoder", ["likelihood", "physics"])
 def test_margins_compare_codes_that_are_chosen_without_a_test_scene(decoder):
     rows, judged = made(decoder, CHOSEN), {code: error for code, (_, _, error) in CHOSEN.items() if error is not None}
-    foretold = [{"code": code, "noise": "n", "placed": error, "flat": -error} for code, error in judged.items()]
+    predicted = [{"code": code, "noise": "n", "placed": error, "flat": -error} for code, error in judged.items()]
     trained = [
         {"code": code, "decoder": decoder, "cpu_seconds": 1.0, "best": {"depth_mae": error + seed}}
         for code, error in judged.items() for seed in (0.1, -0.1)
     ]  # fmt: skip
-    parts = (foretold,) if decoder == "likelihood" else ((), trained)
+    parts = (predicted,) if decoder == "likelihood" else ((), trained)
     static, alone = margins(results(rows, *parts), SHIPPED)
     assert (static["against"], alone["against"]) == ("one slot", "the mask alone")
     assert (static["best"], static["base"]) == ("TMCA optimised K = 4", "static mask + CCA, optimised")
@@ -174,12 +174,12 @@ def test_the_right_order_is_one_and_the_opposite_minus_one():
         return {"code": code, "noise": "n", **right, "measured": measured}
 
     labels = SHIPPED.decoder_labels
-    first, second = order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0), told("c", 0.2, 30.0)]}, labels)
+    first, second = order({"predicted": [told("a", 0.3, 20.0), told("b", 0.1, 25.0), told("c", 0.2, 30.0)]}, labels)
     right = dict.fromkeys(("confusion", "fisher", "psnr"), pytest.approx(1))
     assert first == {"noise": "n", "decoder": "patch likelihood", "codes": 3, **right,
                      "kullback_leibler": pytest.approx(-1)}  # fmt: skip
     assert (second["confusion"], second["kullback_leibler"]) == (pytest.approx(-1), pytest.approx(1))
-    assert order({"foretold": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}, labels) == []
+    assert order({"predicted": [told("a", 0.3, 20.0), told("b", 0.1, 25.0)]}, labels) == []
 
 
 @pytest.mark.slow

@@ -75,7 +75,7 @@ def test_designs_are_measured_on_test_scenes(found):
 
 
 @pytest.mark.slow
-def test_gains_are_foretold_of_examples_dimmed_to_the_scene(found, folder):
+def test_gains_are_predicted_of_examples_dimmed_to_the_scene(found, folder):
     cell, (row,) = _stored_cell(folder, "light")
     bright, light = task_of(cell), float(load_scene("coffee", bands=3).mean())
     there = task_of(cell, light)

@@ -62,7 +62,7 @@ def results(study: Study, measured: Sequence[Measured], split: Split, command: S
 
 def _search(cell: Measured) -> Row:
     """What a search tells of its codes."""
-    said = ("code", "noise", "seed", "seconds", "psnr", "random_psnr", "throughput", "confusion", "foretold")
+    said = ("code", "noise", "seed", "seconds", "psnr", "random_psnr", "throughput", "confusion", "predicted")
     gains = {"held_out_gain": mean([*cell["gains"].values()])} if "gains" in cell else {}
     return {**{name: cell[name] for name in said if name in cell}, **gains}
 

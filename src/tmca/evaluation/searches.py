@@ -94,4 +94,4 @@ def searched_masks(
         name: {"fisher": fisher.tolist(), "kullback_leibler": kullback_leibler(covariance).tolist()}
         for name, (covariance, fisher) in windows.items()
     }
-    return {"codes": str(file), "foretold": predicted, "seconds": found.seconds, "confusion": found.confusion}
+    return {"codes": str(file), "predicted": predicted, "seconds": found.seconds, "confusion": found.confusion}

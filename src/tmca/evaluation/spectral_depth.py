@@ -303,29 +303,29 @@ class SpectralDepthEvaluation(CameraEvaluation):
                 n: row[n] for n in ("depth_mae", "psnr")
             }
         groups = grouped([cell for cell in measured if "figures" in cell], "code", "noise")
-        foretold = [
+        predicted = [
             {"code": code, "noise": noise, **means(cell["figures"] for cell in own), "measured": made[code, noise]}
             for (code, noise), own in groups.items() if (code, noise) in made
         ]  # fmt: skip
         guesses = {scene: guess for cell in measured for scene, guess in cell.get("guess", {}).items()}
-        return {"foretold": foretold, "guess": guesses}
+        return {"predicted": predicted, "guess": guesses}
 
     def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:
         """See ``CameraEvaluation``; of the patch likelihood the error on training scenes at drawn depths."""
         if decoder != "likelihood":
             return super().scores(found, decoder, noise)
-        return {row["code"]: row["placed"] for row in found["foretold"] if row["noise"] == noise and "placed" in row}
+        return {row["code"]: row["placed"] for row in found["predicted"] if row["noise"] == noise and "placed" in row}
 
     def sections(self, found: Row, study: Study) -> Iterable[Section]:
         """See ``CameraEvaluation``."""
         columns = [("scene", "scene", ""), *self.columns[:3], ("known_depth", "known depth", ".0%")]
         text = "The middle of the range, in inverse metres, everywhere; depth counts where it is known."
         yield Section("A constant guess", [text], [{"scene": n, **own} for n, own in found["guess"].items()], columns)
-        if not found["foretold"]:
+        if not found["predicted"]:
             return
         rows = [
             {**row, **{f"measured_{name}": value for name, value in row["measured"].get("likelihood", {}).items()}}
-            for row in found["foretold"]
+            for row in found["predicted"]
         ]
         measured = [("depth_mae", "measured depth MAE (m)", ".3f"), ("psnr", "measured PSNR (dB)", ".2f")]
         columns = [("noise", "noise", ""), ("code", "code", ""), *PREDICTED]
@@ -351,7 +351,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
 
     def study_figures(self, study: Study, measured: Sequence[Measured]) -> dict[str, Figure]:
         """See ``CameraEvaluation``: what searched masks predict over depth."""
-        predicted = {cell["code"]: cell["foretold"] for cell in measured if "confusion" in cell}
+        predicted = {cell["code"]: cell["predicted"] for cell in measured if "confusion" in cell}
         metres = self.probe(study.reading).planes.metres.numpy()
         return {"fisher": predicted_depth_figure(predicted, metres)} if predicted else {}
 

@@ -84,7 +84,7 @@ def test_a_capture_without_any_pixel_left_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_withholding_saturated_wine_hardly_helps_the_pixels_that_are_not(real_data):
-    """Figures of docs/real-captures.md: errors of foretold pixels below saturation, of all and of moving ones."""
+    """Figures of docs/real-captures.md: errors of predicted pixels below saturation, of all and of moving ones."""
     name, share, kept, gone = "opt", 0.162, (0.0228, 0.0362), (0.0229, 0.0331)
     file, own = real_data / "cassi" / "pixel_shutter_wine" / "wine.mat", load_prototype("pixel-shutter-wine")
     taken = import_capture(file, own, name=name)

@@ -110,7 +110,7 @@ def movie(
         frames: a divisor of the number of slots.
         decoder: space-time-dct (blocks of space and time that are sparse in their cosine transform; any shutter), or
             kriging (every pixel open within one frame, nothing displaced; with a standard deviation).
-        lifetime: slots over which the scene changes; without it what foretells the capture's own pixels best (kriging).
+        lifetime: slots over which the scene changes; without it what predicts the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
             the brightest at least (space-time-dct).

@@ -6,7 +6,7 @@ import io
 import os
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -134,19 +134,29 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     import xarray
 
     options: dict[str, Any] = {"decode_times": False, "chunks": None}
-    if path.is_dir():
-        check_store(path)
-        options |= {"engine": "zarr", "consolidated": False}
-    elif _is_classic(path):
-        _check_head(path)
-        options |= {"engine": "scipy"}
-    else:
-        _check_labels(path)
-        options |= {"engine": "h5netcdf", "phony_dims": "sort"}
+    with ExitStack() as opened:
+        source: Any = path
+        if path.is_dir():
+            check_store(path)
+            options |= {"engine": "zarr", "consolidated": False}
+        elif _is_classic(path):
+            _check_head(path)
+            options |= {"engine": "scipy"}
+        else:
+            source = _store(path, opened.enter_context(open_h5(path)))
+        with whole_file(path, LABELLED):
+            dataset = xarray.open_dataset(source, **options)
+        yield opened.enter_context(dataset)
+
+
+def _store(path: Path, file: h5py.File) -> xarray.backends.H5NetCDFStore:
+    """What xarray reads an HDF5 file through that was opened and looked at already."""
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
+    _check_labels(path, file)
     with whole_file(path, LABELLED):
-        dataset = xarray.open_dataset(path, **options)
-    with dataset:
-        yield dataset
+        return H5NetCDFStore(h5netcdf.File(file, "r", phony_dims="sort", decode_vlen_strings=True))
 
 
 def _check_head(path: Path) -> None:
@@ -177,7 +187,8 @@ def open_groups(path: Path, kind: str) -> Iterator[dict[str, xarray.Dataset]]:
     """
     import xarray
 
-    _check_labels(path)
+    with open_h5(path) as file:
+        _check_labels(path, file)
     with whole_file(path, kind):
         tree = xarray.open_datatree(path, engine="h5netcdf")
     with tree:
@@ -186,10 +197,10 @@ def open_groups(path: Path, kind: str) -> Iterator[dict[str, xarray.Dataset]]:
         yield groups
 
 
-def _check_labels(path: Path) -> None:
+def _check_labels(path: Path, file: h5py.File) -> None:
     """Coordinates are loaded when a file is opened: none may be larger than what may be loaded, and what ties them to
     the axes has to be whole."""
-    with open_h5(path) as file, whole_file(path, LABELLED):
+    with whole_file(path, LABELLED):
         for name, item in datasets_of(path, file).items():
             if attribute := damaged_scales(item):
                 found = f"a damaged attribute {attribute} of {name}"

@@ -25,7 +25,7 @@ REASONS = ("known", "saturated", "dark", "frequencies disagree", "mixed light", 
 Why = NDArray[np.uint8]
 _DARKEST, _RISK = 0.35, np.pi / 4
 """Radians: a phase less certain than the first is dark; a fringe's number is sure where the phase that the coarser
-fringes foretell is known to the second, four times within half a turn."""
+fringes predict is known to the second, four times within half a turn."""
 _MIXED = 0.6
 """Modulation of the finest fringes, relative to the coarsest and to the usual of all pixels, that edges fall below."""
 _DISAGREE = 4.0

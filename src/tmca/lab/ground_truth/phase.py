@@ -212,7 +212,7 @@ def temporal_unwrap(phases: Phases, fringes: tuple[int, ...]) -> tuple[Array, Ar
 
     Returns:
         The phase ``(H, W)`` in [0, 2π·finest), radians; the disagreement ``(H, W)``, the largest difference between a
-        rung and what the one below it foretells, in standard deviations of that difference; and the largest of those
+        rung and what the one below it predicts, in standard deviations of that difference; and the largest of those
         standard deviations ``(H, W)``, radians: fringes are numbered wrongly where it comes near half a turn.
 
     Raises:
