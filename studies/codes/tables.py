@@ -106,8 +106,8 @@ def _on_test_scenes(found: Results) -> list[str]:
         "Whole images by the patch LMMSE, means over scenes and seeds; gains are over the static codes that were "
         "designed and decoded alike. The predicted gain is that under the prior of the other examples, as `tmca "
         "design` says it. Dimmed: the examples' light is lowered until their mean irradiance is that of the scene. "
-        f"Codes designed for the light were searched on examples dimmed to {found['mean_irradiance']:.3f}, the mean of the "
-        "test scenes, as `tmca design --light` searches them, and are predicted there; all other codes know the "
+        f"Codes designed for the light were searched on examples dimmed to {found['mean_irradiance']:.3f}, the mean of "
+        "the test scenes, as `tmca design --light` searches them, and are predicted there; all other codes know the "
         "examples as they are. A dimmed prior is scaled to that mean too, as the forecast assumes. What is measured is "
         "set against the predicted gain of codes designed for the light, and that dimmed to the scene of others."
     )
