@@ -58,7 +58,7 @@ def test_a_camera_without_gram_solve_reaches_the_same_solution_by_conjugate_grad
     camera = BlurredCamera(coded_camera(SHAPE))
     snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
     best, _ = reference(matrix(camera).numpy(), snapshot.flatten().numpy(), 0.05, True, (0, 1))
-    result = admm_tv(camera, snapshot, 0.05, joint=True, bounds=(0, 1), max_iterations=5000, tolerance=1e-6)
+    result = admm_tv(camera, snapshot, 0.05, joint=True, bounds=(0, 1), max_iterations=1000, tolerance=1e-5)
     assert result.objective[-1] == pytest.approx(best, rel=1e-4)
 
 
@@ -101,16 +101,16 @@ def test_without_weight_a_consistent_snapshot_is_reproduced(bounds: tuple[float,
 
 
 def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
-    camera = coded_camera((3, 8, 9))
-    snapshots = camera.A(torch.cat([blocky_scene((1, 3, 8, 9)), 0.3 * blocky_scene((1, 3, 8, 9), seed=7)]))
-    together = admm_tv(camera, snapshots, 0.01, joint=True, max_iterations=4000, tolerance=1e-7)
-    alone = [admm_tv(camera, one[None], 0.01, joint=True, max_iterations=4000, tolerance=1e-7) for one in snapshots]
+    camera = coded_camera((2, 6, 7))
+    snapshots = camera.A(torch.cat([blocky_scene((1, 2, 6, 7)), 0.3 * blocky_scene((1, 2, 6, 7), seed=7)]))
+    together = admm_tv(camera, snapshots, 0.01, joint=True, max_iterations=1500, tolerance=1e-6)
+    alone = [admm_tv(camera, one[None], 0.01, joint=True, max_iterations=1500, tolerance=1e-6) for one in snapshots]
     assert torch.allclose(together.estimate, torch.cat([one.estimate for one in alone]), atol=1e-4)
     assert together.objective[-1] == pytest.approx(sum(one.objective[-1] for one in alone), rel=1e-6)
 
 
 @pytest.mark.parametrize("decoder", ["admm-tv", "admm-tv-joint", "pnp-tv"])
-@pytest.mark.parametrize("size", [pytest.param((20, 24), marks=pytest.mark.slow), (21, 23)])
+@pytest.mark.parametrize("size", [(10, 13), pytest.param((21, 24), marks=pytest.mark.slow)])
 def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int, int], decoder: str) -> None:
     """Where the relay's blur leaves next to no light, the pseudo-inverse says anything."""
     sensor = Sensor(read_noise=0.01)
@@ -121,7 +121,7 @@ def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int
         camera.A_dagger(taken.values)
     estimate = decode(taken, decoder)
     assert estimate.values.max() < 2
-    assert (estimate.values - scene).square().mean() < 0.01
+    assert (estimate.values - scene).square().mean() < 0.02
     assert estimate.notes["converged"] or decoder == "pnp-tv"
 
 

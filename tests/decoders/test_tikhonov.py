@@ -65,14 +65,14 @@ def test_of_several_minima_one_is_kept():
 
 
 def test_gradients_reach_code_and_snapshot():
-    camera = CAMERAS["odd"]().double()
-    snapshot = random_snapshots(camera.operator()).requires_grad_()
+    camera = SpectralCamera(bands=2, size=(3, 4), slots=2).double()
+    snapshot = random_snapshots(camera.operator())[:1].requires_grad_()
     code = camera.operator().taps.code.detach().clone().clamp_min(0.1).requires_grad_()
 
     def solved(code, snapshot):
         operator = camera.operator()
         operator.code = code
-        return tikhonov(operator, snapshot, iterations=5)
+        return tikhonov(operator, snapshot, iterations=3)
 
     assert torch.autograd.gradcheck(solved, (code, snapshot))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -127,6 +128,7 @@ class Measurement(Cell):
         codes: file of searched codes.
         camera_of: weights whose codes the camera shows.
         weights: of the network that decodes.
+        dead_time: share of every slot in which no light is collected.
         faults: of the bench, that decoders do not know of.
         motion: of the scene, see `tmca.evaluation.study.Motion`; at rest if empty.
         options: settings of the decoder.
@@ -150,6 +152,7 @@ class Measurement(Cell):
     codes: str | None = None
     camera_of: str | None = None
     weights: str | None = None
+    dead_time: float = 0.0
     faults: Settings = {}
     motion: Settings = {}
     options: Settings = {}
@@ -161,6 +164,9 @@ class Measurement(Cell):
     def compute(self, evaluation: CameraEvaluation, folder: Path) -> Measured:
         scene = evaluation.scene(self)
         camera = evaluation.camera(self, scene)
+        if self.dead_time:
+            dead, parts = Fraction(round(100 * self.dead_time), 100).as_integer_ratio()
+            camera = camera.in_finer_time(parts, dead)
         seen: Any = scene
         if self.motion:
             seen = frames_of(scene, self._displacement(), camera.slots, whole=self.motion["whole"])

@@ -198,7 +198,8 @@ class Plan:
         if code.search is None or code.search.noise is not None:
             return False
         twin = code.search.model_copy(update={"noise": noise})
-        return any(other.search == twin for other in self.study.codes.values())
+        others = self.study.codes.values()
+        return any((other.search, other.dead_time) == (twin, code.dead_time) for other in others)
 
     def _row(
         self, code: str, noise: str, decoder: str, seed: int, priors: Mapping[str, str], *, codes: str | None = None,
@@ -220,7 +221,7 @@ class Plan:
                 settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes, part=place.part,
                 motion={} if study.motion is None else study.motion.model_dump(),
-                camera_of=camera_of, weights=weights, options=options,
+                dead_time=chosen.dead_time, camera_of=camera_of, weights=weights, options=options,
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
                 save=shown and place.shown and seed == study.seed,
             )  # fmt: skip

@@ -84,12 +84,14 @@ class Code(Strict):
         camera: settings of the camera, beside those of all codes.
         search, learn: where they are searched or learned.
         train: whether networks are trained behind them.
+        dead_time: share of every slot in which no bucket collects light, in hundredths: the readouts of a burst.
     """
 
     camera: Settings = {}
     search: SearchedCodes | None = None
     learn: LearnedCodes | None = None
     train: bool = True
+    dead_time: float = Field(default=0.0, ge=0, le=0.99)
 
 
 class StudyNetwork(Strict):
