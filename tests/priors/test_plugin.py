@@ -6,12 +6,13 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 
 from tests.plugin_packages import install
 from tmca import SpectralCamera, read
 from tmca.cli import main
 from tmca.plugins import BrokenPlugin, load_plugins
-from tmca.priors import Prior, learn_prior, load_prior, prior_kinds
+from tmca.priors import Prior, find_prior, learn_prior, load_prior, prior_kinds
 
 SOURCE = re.search(r"```python\n# my_package/flat_prior.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
@@ -43,6 +44,23 @@ def test_it_is_learned_read_and_reconstructs(installed, capsys):
     main(["simulate", "spectral", "coffee", "--bands", "3", "--crop", "24x24", "--no-figures", "--out", "s.nc"])
     main(["reconstruct", "s.nc", "--prior", "flat.nc", "--no-figures", "--out", "e.nc", "--json"])
     assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
+
+
+def test_one_that_was_edited_is_learned_anew_from_the_rendered_scenes(installed, tmp_path, monkeypatch):
+    def render(name, wavelengths, size):
+        return read("coffee", bands=3, size=(32, 40))
+
+    monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("tmca.data.rendered_scene", render)
+    monkeypatch.setattr("tmca.data.split_rendered", lambda: {"train": ["coffee"]})
+    installed(SOURCE)
+    before = find_prior(SpectralCamera(bands=3), None, "flat", block=(4, 10))
+    (tmp_path / "flat_prior.py").write_text(SOURCE.replace("prior.mean.mean(", "2 * prior.mean.mean("))
+    Prior.kinds.pop("flat")
+    sys.modules.pop("flat_prior")  # as in another process
+    load_plugins.cache_clear()
+    after = find_prior(SpectralCamera(bands=3), None, "flat", block=(4, 10))
+    torch.testing.assert_close(after.mean, 2 * before.mean)
 
 
 @pytest.mark.parametrize(("source", "reason"), [
