@@ -6,7 +6,7 @@ from tmca.plugins import load_plugins
 
 
 def install(folder, monkeypatch, group, module, source, classes=()):
-    """Write the package into a folder and find it there, its module or some classes named; `load_plugins` loads anew."""
+    """Write the package into a folder and find it there, by its module or some classes; `load_plugins` loads anew."""
     (folder / f"{module}.py").write_text(source)
     about = folder / f"{module}-1.0.dist-info"
     about.mkdir()

@@ -138,7 +138,7 @@ def test_a_class_without_a_name_is_refused_in_one_line():
     camera = SpectralCamera(3, (8, 8), slots=2)
     taken = Snapshot(camera(torch.rand(1, 3, 8, 8)), camera)
     for given in (Nameless, Nameless()):
-        with pytest.raises(SettingError, match="Nameless.name: found None, expected a short text"):
+        with pytest.raises(SettingError, match=r"Nameless\.name: found None, expected a short text"):
             decode(taken, given)
 
 
