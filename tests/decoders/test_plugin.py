@@ -66,7 +66,7 @@ def test_it_reconstructs(plugin, scene, capsys):
     assert "e.nc: backprojection" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["reconstruct", "s.nc", "-d", "backprojection", "--set", "gain=much", "--out", "f.nc"])
-    assert "gain: found 'much', expected a number" in capsys.readouterr().err
+    assert "tmca: --set gain: found 'much', expected a number" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("kind", "reading"), [("spectral", {"bands": 3}), ("light-field", {"views": 3})])
