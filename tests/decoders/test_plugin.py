@@ -1,7 +1,9 @@
 """A decoder of ten lines in a package of its own: every command knows it, with no other line written anywhere."""
 
 import json
+import re
 import sys
+from pathlib import Path
 
 import pytest
 import torch
@@ -34,6 +36,9 @@ class Backprojection(Decoder):
 '''
 
 
+FROM_MEAN = re.search(r"```python\n# my_package/from_mean.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
+
+
 @pytest.fixture
 def plugin(tmp_path, monkeypatch):
     (tmp_path / "site").mkdir()
@@ -50,6 +55,16 @@ def plugin(tmp_path, monkeypatch):
 def test_it_conforms(plugin, kind):
     for check in CHECKS:
         check(plugin, kind)
+
+
+def test_the_one_with_a_prior_that_contributing_shows_conforms(tmp_path, monkeypatch):
+    install(tmp_path, monkeypatch, "tmca.decoders", "from_mean", FROM_MEAN)
+    for check in CHECKS:
+        check(decoders_for("spectral")["from-mean"], "spectral")
+    DECODERS.pop("from-mean")
+    sys.modules.pop("from_mean")
+    monkeypatch.undo()
+    load_plugins.cache_clear()
 
 
 def test_it_is_listed_with_its_settings(plugin, capsys):

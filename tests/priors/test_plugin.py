@@ -16,6 +16,8 @@ from tmca.priors import Prior, find_prior, learn_prior, load_prior, prior_kinds
 
 SOURCE = re.search(r"```python\n# my_package/flat_prior.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
+USE = re.search(r"```python\nimport my_package.flat_prior.*?\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
+
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
@@ -44,6 +46,14 @@ def test_it_is_learned_read_and_reconstructs(installed, capsys):
     main(["simulate", "spectral", "coffee", "--bands", "3", "--crop", "24x24", "--no-figures", "--out", "s.nc"])
     main(["reconstruct", "s.nc", "--prior", "flat.nc", "--no-figures", "--out", "e.nc", "--json"])
     assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
+
+
+@pytest.mark.slow
+def test_it_is_used_as_contributing_shows(installed):
+    installed(SOURCE)
+    shown = {}
+    exec(USE, shown)
+    assert shown["estimate"].values.shape == (1, 6, 64, 64)
 
 
 def test_one_that_was_edited_is_learned_anew_from_the_rendered_scenes(installed, tmp_path, monkeypatch):

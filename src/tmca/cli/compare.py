@@ -38,7 +38,7 @@ def spectral(
     Writes spectral.md and spectral.json. Finished cells are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line) whose scenes teach priors and networks.
+        train: split file (a path per line: docs/studies.md) whose scenes teach priors and networks.
         test: split file whose scenes are measured; it chooses nothing.
         out: folder of the two result files.
         work: folder of priors and finished cells.
@@ -79,7 +79,7 @@ def light_field(
     are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line) whose light fields teach priors, dictionary, codes and networks.
+        train: split file (a path per line: docs/studies.md) whose light fields teach priors, dictionary, codes and networks.
         test: split file whose light fields are measured; it chooses nothing.
         out: folder of the results.
         work: folder of priors, designs and finished cells.
