@@ -27,7 +27,7 @@ from tmca.data.atomic import sweep_all
 from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError, TmcaError
-from tmca.plugins import source_digest
+from tmca.plugins import BrokenPlugin, source_digest
 
 _DIGEST = "digest"
 """Entry of a cell's file: of all the others."""
@@ -266,7 +266,8 @@ def _worker(parent: int) -> None:
     import torch
 
     torch.set_num_threads(1)
-    simplefilter("ignore", SceneWarning)  # said where the scenes were opened first
+    for said_before in (SceneWarning, BrokenPlugin):  # where scenes were opened, and decoders looked up, first
+        simplefilter("ignore", said_before)
 
     def watch() -> None:
         while os.getppid() == parent:
