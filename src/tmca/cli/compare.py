@@ -79,7 +79,8 @@ def light_field(
     are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line: docs/studies.md) whose light fields teach priors, dictionary, codes and networks.
+        train: split file (a path per line: docs/studies.md) whose light fields teach priors, dictionary, codes and
+            networks.
         test: split file whose light fields are measured; it chooses nothing.
         out: folder of the results.
         work: folder of priors, designs and finished cells.
