@@ -17,6 +17,7 @@ REFUSED = {
         "simulate spectral": "scene",
         "simulate spectral nothing.mat": "nothing.mat",
         "simulate spectral coffe": "coffe",
+        "simulate spectral coffee:1": "the seed 1, which rendered light fields alone have",
         "recnstruct x.nc": ("recnstruct", "reconstruct"),
         "reconstruct nothing.nc": "nothing.nc",
         "inspect nothing.nc": "nothing.nc",

@@ -50,8 +50,8 @@ def test_an_entry_in_no_list_only_has_to_exist(root):
 
 
 def test_rendered_scenes_may_be_named_and_files_of_their_name_go_first(root):
-    split = split_of(root, "hsi/a.mat\nastronaut\ncoffee\n")
-    assert [str(path) for path in read_split(split)] == [str(root / "hsi/a.mat"), "astronaut", "coffee"]
+    split = split_of(root, "hsi/a.mat\nastronaut\ncoffee\ncoffee:1\n")
+    assert [str(path) for path in read_split(split)] == [str(root / "hsi/a.mat"), "astronaut", "coffee", "coffee:1"]
     (root / "coffee").mkdir()
     assert read_split(split)[2] == root / "coffee"
 
@@ -106,6 +106,11 @@ def test_an_unusable_split_is_refused(root, text):
         (root / "splits/train.txt").write_bytes(text)
     with pytest.raises(DataError, match=r"train\.txt"):
         read_split(root / "splits/train.txt")
+
+
+def test_the_refusal_of_a_path_outside_the_root_names_the_root(root):
+    with pytest.raises(DataError, match=f"relative to the folder {root}, inside it"):
+        read_split(split_of(root, "/etc/passwd\n"))
 
 
 @pytest.mark.parametrize(

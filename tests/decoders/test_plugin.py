@@ -1,14 +1,19 @@
 """A decoder of ten lines in a package of its own: every command knows it, with no other line written anywhere."""
 
 import json
+import re
 import sys
+from pathlib import Path
 
 import pytest
+import torch
 from conformance import CHECKS
 
 from tests.plugin_packages import install
+from tmca.cameras import CAMERAS, Snapshot, SpectralCamera
 from tmca.cli import main
-from tmca.decoders import DECODERS, decoders_for
+from tmca.decoders import DECODERS, Decoder, decode, decoders_for
+from tmca.errors import SettingError
 from tmca.plugins import BrokenPlugin, load_plugins
 
 PACKAGE = '''
@@ -31,6 +36,9 @@ class Backprojection(Decoder):
 '''
 
 
+FROM_MEAN = re.search(r"```python\n# my_package/from_mean.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
+
+
 @pytest.fixture
 def plugin(tmp_path, monkeypatch):
     (tmp_path / "site").mkdir()
@@ -49,6 +57,16 @@ def test_it_conforms(plugin, kind):
         check(plugin, kind)
 
 
+def test_the_one_with_a_prior_that_contributing_shows_conforms(tmp_path, monkeypatch):
+    install(tmp_path, monkeypatch, "tmca.decoders", "from_mean", FROM_MEAN)
+    for check in CHECKS:
+        check(decoders_for("spectral")["from-mean"], "spectral")
+    DECODERS.pop("from-mean")
+    sys.modules.pop("from_mean")
+    monkeypatch.undo()
+    load_plugins.cache_clear()
+
+
 def test_it_is_listed_with_its_settings(plugin, capsys):
     main(["decoders", "--json"])
     row = next(row for row in json.loads(capsys.readouterr().out) if row["name"] == "backprojection")
@@ -63,7 +81,7 @@ def test_it_reconstructs(plugin, scene, capsys):
     assert "e.nc: backprojection" in capsys.readouterr().out
     with pytest.raises(SystemExit):
         main(["reconstruct", "s.nc", "-d", "backprojection", "--set", "gain=much", "--out", "f.nc"])
-    assert "gain: found 'much', expected a number" in capsys.readouterr().err
+    assert "tmca: --set gain: found 'much', expected a number" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("kind", "reading"), [("spectral", {"bands": 3}), ("light-field", {"views": 3})])
@@ -79,6 +97,64 @@ def test_it_is_swept(plugin, tmp_path, kind, reading):
     rows = swept({"decoder.gain": [0.5, 1.0]}, fixed={"decoder": "backprojection"})
     assert [row["decoder.gain"] for row in rows] == ["0.5", "1.0"]
     assert rows[0]["psnr"] != rows[1]["psnr"]
+
+
+def test_cells_of_a_decoder_that_was_edited_are_computed_again(plugin, tmp_path):
+    from tmca.evaluation.sweep import Sweep, run_sweep
+
+    sweep = Sweep("spectral", {"decoder": ["backprojection"]}, ["coffee"], {"bands": 3, "size": (24, 26)})
+    (before,) = run_sweep(sweep, tmp_path / "before", tmp_path / "work")["rows"]
+    source = tmp_path / "site" / "ten_lines.py"
+    source.write_text(PACKAGE.replace("self.gain *", "0.25 * self.gain *"))
+    DECODERS.pop("backprojection")
+    sys.modules.pop("ten_lines")  # as in another process
+    load_plugins.cache_clear()
+    (after,) = run_sweep(sweep, tmp_path / "after", tmp_path / "work")["rows"]
+    assert after["psnr"] != before["psnr"]
+
+
+def test_a_class_that_is_refused_keeps_no_other_of_its_module_out(tmp_path, monkeypatch):
+    nameless = "\n\nclass Nameless(Decoder):\n    def reconstruct(self, prepared, values, progress):\n        pass\n"
+    taken = PACKAGE.replace("Backprojection", "Taken").replace('"backprojection"', '"lmmse"')
+    install(tmp_path, monkeypatch, "tmca.decoders", "three_classes", taken + nameless + PACKAGE,
+            ("Nameless", "Taken", "Backprojection"))  # fmt: skip
+    with pytest.warns(BrokenPlugin) as warned:
+        assert decoders_for("spectral")["backprojection"].__module__ == "three_classes"
+    assert [str(one.message).partition("left out: ")[2].split()[0] for one in warned] == [
+        "nameless", "three_classes.Taken.name:",
+    ]  # fmt: skip
+    DECODERS.pop("backprojection")
+    sys.modules.pop("three_classes")
+    monkeypatch.undo()
+    load_plugins.cache_clear()
+
+
+def test_a_kind_that_no_camera_has_is_warned_of_where_decoders_are_listed(monkeypatch):
+    class Early(Decoder):
+        name, label, cameras = "early", "early", frozenset({"spectral", "spectrall"})
+
+        def reconstruct(self, prepared, values, progress):
+            return values
+
+    try:
+        with pytest.warns(BrokenPlugin, match="decoder early: cameras: found 'spectrall'.*did you mean spectral"):
+            assert decoders_for("spectral")["early"] is Early
+        monkeypatch.setitem(CAMERAS, "spectrall", SpectralCamera)  # of a package that comes later
+        assert "early" in decoders_for("spectrall")
+    finally:
+        DECODERS.pop("early")
+
+
+def test_a_class_without_a_name_is_refused_in_one_line():
+    class Nameless(Decoder):
+        def reconstruct(self, prepared, values, progress):
+            return values
+
+    camera = SpectralCamera(3, (8, 8), slots=2)
+    taken = Snapshot(camera(torch.rand(1, 3, 8, 8)), camera)
+    for given in (Nameless, Nameless()):
+        with pytest.raises(SettingError, match=r"Nameless\.name: found None, expected a short text"):
+            decode(taken, given)
 
 
 @pytest.mark.parametrize(("source", "reason"), [

@@ -12,6 +12,7 @@ from tmca.applications import evaluate, simulate
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, decode
+from tmca.errors import SettingError
 from tmca.evaluation.light_field import LightFieldEvaluation
 from tmca.evaluation.page import margins, sections
 from tmca.evaluation.run import run_study
@@ -223,8 +224,7 @@ def test_cells_of_a_folder_are_read_by_its_pattern(tmp_path):
     ("more", "words"),
     [
         ("--decoders magic", "magic"), ("--frame 30", "--frame"), ("--steps 0", "--steps"), ("--views 4", "4"),
-        ("--views 3 --frame 30x30", "crop: found 96×96"), ("--views 3 --frame 270x480", "chelsea.nc"),
-        ("--train missing.txt", "missing"),
+        ("--views 3 --frame 270x480", "chelsea.nc"), ("--train missing.txt", "missing"),
     ],
 )  # fmt: skip
 def test_bad_input_is_refused(folder, tmp_path, capsys, more, words):
@@ -232,3 +232,20 @@ def test_bad_input_is_refused(folder, tmp_path, capsys, more, words):
     command = ["compare", "light-field", *lists, "--out", tmp_path / "o", "--work", tmp_path / "w"]
     assert words in refused(capsys, *command, *more.split())
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("frame", "crop"), [("30x100", [30, 96]), ("270x480", [96, 96])])
+def test_dictionaries_have_no_more_than_the_frame(folder, capsys, monkeypatch, frame, crop):
+    def seen(study, *places, **how):
+        raise SettingError("study", str([*study.reading["crop"]]))
+
+    monkeypatch.setattr("tmca.evaluation.run.run_study", seen)
+    lists = [f"--{name}={folder / name}.txt" for name in ("train", "test")]
+    assert f"study: found {crop}" in refused(capsys, "compare", "light-field", *lists, "--frame", frame)
+
+
+def test_a_scene_that_is_measured_anyway_is_not_to_be_named(folder, tmp_path, capsys):
+    (tmp_path / "test.txt").write_text("coffee\n")
+    command = ("compare", "light-field", f"--train={folder / 'train.txt'}", f"--test={tmp_path / 'test.txt'}")
+    said = refused(capsys, *command, "--views", "3", "--out", tmp_path / "o", "--work", tmp_path / "w")
+    assert "--test: found coffee, expected other scenes; leave it out: coffee, motorcycle are measured anyway" in said

@@ -150,3 +150,19 @@ def test_what_a_killed_process_left_is_deleted_though_all_cells_are_there(tmp_pa
         (folder / ".lock").touch()
     run_cells(CELLS, square, tmp_path)
     assert not any(folder.exists() for folder in left)
+
+
+def test_the_source_of_classes_of_other_packages_alone_counts_among_what_makes_a_cell():
+    from tmca.cameras import CAMERAS
+    from tmca.decoders import DECODERS
+    from tmca.evaluation.cells import LearnedPrior, Measurement
+    from tmca.plugins import foreign_source
+    from tmca.priors import prior_kinds
+
+    ours = [*DECODERS.values(), *CAMERAS.values(), *prior_kinds().values()]
+    assert {foreign_source(cls) for cls in ours if cls.__module__.startswith("tmca.")} == {""}
+    about = {"name": "one", "camera": "spectral", "reading": {"bands": 3}}
+    measured = Measurement(decoder="lmmse", scene="coffee", source="coffee", settings={}, sensor={}, **about)
+    learned = LearnedPrior(prior_kind="gaussian", scenes=("coffee",), identities=(None,), **about)
+    for cell in (measured, learned):
+        assert cell.key == cell_key(cell.model_dump(mode="json"))

@@ -30,3 +30,12 @@ def test_entries_of_the_results_are_filled_in_and_other_braces_stay():
 def test_trainings_without_validation_tell_nothing_of_their_codes():
     trainings = [{"decoder": "unet", "code": code, "best": {"psnr": best}} for code, best in (("a", None), ("b", 30.0))]
     assert evaluation_of("spectral").scores({"budget": {"training": trainings}}, "unet", "") == {"b": -30.0}
+
+
+def test_a_table_says_which_rows_are_not_meaningful():
+    numbers = json.loads((RESULTS / "spectral.json").read_text())
+    assert "not meaningful" not in markdown(numbers)
+    row = numbers["rows"][0]
+    next(iter(row["scenes"].values()))["psnr"] = -177.0
+    text = f"Warning: 1 row ({row['decoder']}) of this table fell below 0 dB of PSNR: not meaningful"
+    assert markdown(numbers).count(text) == 1

@@ -6,14 +6,17 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 
 from tests.plugin_packages import install
 from tmca import SpectralCamera, read
 from tmca.cli import main
 from tmca.plugins import BrokenPlugin, load_plugins
-from tmca.priors import Prior, learn_prior, load_prior, prior_kinds
+from tmca.priors import Prior, find_prior, learn_prior, load_prior, prior_kinds
 
 SOURCE = re.search(r"```python\n# my_package/flat_prior.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
+
+USE = re.search(r"```python\nimport my_package.flat_prior.*?\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
 
 @pytest.fixture
@@ -43,6 +46,31 @@ def test_it_is_learned_read_and_reconstructs(installed, capsys):
     main(["simulate", "spectral", "coffee", "--bands", "3", "--crop", "24x24", "--no-figures", "--out", "s.nc"])
     main(["reconstruct", "s.nc", "--prior", "flat.nc", "--no-figures", "--out", "e.nc", "--json"])
     assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
+
+
+@pytest.mark.slow
+def test_it_is_used_as_contributing_shows(installed):
+    installed(SOURCE)
+    shown = {}
+    exec(USE, shown)
+    assert shown["estimate"].values.shape == (1, 6, 64, 64)
+
+
+def test_one_that_was_edited_is_learned_anew_from_the_rendered_scenes(installed, tmp_path, monkeypatch):
+    def render(name, wavelengths, size):
+        return read("coffee", bands=3, size=(32, 40))
+
+    monkeypatch.setenv("TMCA_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("tmca.data.rendered_scene", render)
+    monkeypatch.setattr("tmca.data.split_rendered", lambda: {"train": ["coffee"]})
+    installed(SOURCE)
+    before = find_prior(SpectralCamera(bands=3), None, "flat", block=(4, 10))
+    (tmp_path / "flat_prior.py").write_text(SOURCE.replace("prior.mean.mean(", "2 * prior.mean.mean("))
+    Prior.kinds.pop("flat")
+    sys.modules.pop("flat_prior")  # as in another process
+    load_plugins.cache_clear()
+    after = find_prior(SpectralCamera(bands=3), None, "flat", block=(4, 10))
+    torch.testing.assert_close(after.mean, 2 * before.mean)
 
 
 @pytest.mark.parametrize(("source", "reason"), [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
@@ -180,7 +181,11 @@ def _read_notes(attributes: dict[str, Any], where: str) -> dict[str, Any]:
 
 def load_cameras() -> None:
     """Import the cameras of other packages, each with its application."""
-    load_plugins("tmca.cameras")
+    load_plugins("tmca.cameras", _registered, "a module with a subclass of Camera that has a kind")
+
+
+def _registered() -> Collection[type[Camera]]:
+    return CAMERAS.values()
 
 
 def holds_snapshot(variables: set[str]) -> bool:

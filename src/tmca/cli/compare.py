@@ -38,7 +38,7 @@ def spectral(
     Writes spectral.md and spectral.json. Finished cells are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line) whose scenes teach priors and networks.
+        train: split file (a path per line: docs/studies.md) whose scenes teach priors and networks.
         test: split file whose scenes are measured; it chooses nothing.
         out: folder of the two result files.
         work: folder of priors and finished cells.
@@ -79,13 +79,14 @@ def light_field(
     are kept in --work: a run that was stopped goes on.
 
     Args:
-        train: split file (a path per line) whose light fields teach priors, dictionary, codes and networks.
+        train: split file (a path per line: docs/studies.md) whose light fields teach priors, dictionary, codes and
+            networks.
         test: split file whose light fields are measured; it chooses nothing.
         out: folder of the results.
         work: folder of priors, designs and finished cells.
         decoders: which of those that `tmca decoders` lists for the camera (dictionaries on a crop), and of the trained
             sub-network (the thesis') and consistent (measurement-consistent, from the lmmse); separated by commas.
-        frame: HEIGHTxWIDTH, the middle of the light fields of --test.
+        frame: HEIGHTxWIDTH, the middle of the light fields of --test; dictionaries have 96x96 of it at most.
         period: tile of all codes, pixels.
         atoms: of the dictionary.
         seed: of codes, noise and trainings.
@@ -162,5 +163,7 @@ def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) 
     check_counts(seeds=changes["seeds"], steps=changes["train__steps"])
     study = read_study(camera)
     reading = {**study.reading, **changes.pop("reading", {})}
+    if "frame" in reading:
+        reading["crop"] = tuple(map(min, reading["crop"], reading["frame"]))
     found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())
     say(found, grid.json, (out / f"{study.name}.md").read_text().rstrip())

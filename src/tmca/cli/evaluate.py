@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import assumed, check_figure, say
+from tmca.cli.options.output import assumed, check_figure, meaning, say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -55,7 +55,7 @@ def evaluate(
     metrics = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
     if figure is not None:
         save_figure(evaluation.figure(estimate.stem), figure, overwrite=overwrite)
-    say(metrics, json, *(f"{name:6s} {value:.4f}" for name, value in metrics.items()))
+    say(metrics, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in metrics.items()))
 
 
 for _camera in CAMERA_SPECS:

@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole, On
-from tmca.cli.options.output import OutputOptions, check_targets, say
+from tmca.cli.options.output import OutputOptions, check_targets, meaning, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
@@ -136,7 +136,7 @@ def _tell(result: Any, metrics: dict[str, float], target: Path, written: list[Pa
         "metrics": metrics,
         "files": [str(file) for file in written],
     }
-    figures = (f"  {name:8s} {value:.4g}" for name, value in metrics.items())
+    figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in metrics.items())
     say(report, output.json, f"{target}: {result.decoder}, {result.seconds:.1f} s", *figures)
 
 

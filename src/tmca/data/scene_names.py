@@ -43,7 +43,8 @@ def short_names(scenes: Sequence[str]) -> dict[str, str]:
         SettingError: a scene that is named twice.
     """
     if len(set(scenes)) < len(scenes):
-        raise SettingError("scenes", "one that is named twice", "different scenes")
+        twice = next(scene for scene in scenes if scenes.count(scene) > 1)
+        raise SettingError("scenes", f"{twice}, which is named twice", "different scenes", "name it once")
     stems = [Path(scene).name if Path(scene).is_dir() else Path(scene).stem for scene in scenes]
     return {
         scene: stem if stems.count(stem) == 1 else str(Path(scene).with_suffix(""))
@@ -135,7 +136,7 @@ def parse_sums(path: str | Path) -> dict[str, str | None]:
         if name in entries:
             raise DataError(path, f"{name} twice", "each path once")
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
-            raise DataError(path, f"the path {name}", "a path relative to the data's root, inside it")
+            raise DataError(path, f"the path {name}", f"one relative to the folder {_root_of(path)}, inside it")
         if any(len(part.encode()) > _LONGEST_NAME for part in PurePosixPath(name).parts):
             raise DataError(path, f"the path {name[:60]}…", f"names of at most {_LONGEST_NAME} bytes")
         entries[name] = checksum
@@ -169,7 +170,7 @@ def _verified(split: Path, base: Path, name: str, checksum: str | None, sums: di
     if not members and not entry.exists():
         beside = entry.parent.iterdir() if entry.parent.is_dir() else ()
         if not any(_belongs(file.relative_to(base).as_posix(), name) for file in beside):
-            if is_rendered(name):
+            if is_rendered(name.partition(":")[0]):  # of light fields with a seed behind it
                 return Path(name)
             raise _missing(split, entry)
     return entry

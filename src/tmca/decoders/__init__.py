@@ -9,7 +9,6 @@ from tmca.decoders.decoder import (
     Prepared,
     Raw,
     decode,
-    decoders,
     decoders_for,
     make_decoder,
     usual_decoder,
@@ -29,7 +28,7 @@ from tmca.decoders.pnp import (
     subspace_denoiser,
     tv_denoiser,
 )
-from tmca.decoders.registry import DECODERS
+from tmca.decoders.registry import DECODERS, decoders
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox

@@ -24,9 +24,9 @@ from torch import Tensor
 from tmca.arguments import checked_settings, described, settings_of
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import DECODERS, register
+from tmca.decoders.registry import check_parts, decoders, register
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
-from tmca.plugins import load_plugins
+from tmca.plugins import take
 from tmca.priors import Prior, find_prior
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ class Decoder(ABC):
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
         if "name" in vars(cls):
-            register(cls)
+            take(cls, register)
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:
@@ -369,6 +369,7 @@ def make_decoder(
     if not issubclass(cls, Decoder) or isabstract(cls):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
     checked = checked_settings(cls, settings) if settings else {}
+    check_parts(cls)
     if isinstance(decoder, Decoder):
         return replace(decoder, **checked)
     for setting in settings_of(cls):
@@ -391,9 +392,3 @@ def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decod
 def _decodes(decoder: type[Decoder], kind: str) -> bool:
     """Whether a decoder names a kind of camera, or such a camera the decoder."""
     return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
-
-
-def decoders() -> Mapping[str, type[Decoder]]:
-    """All decoders by name, those of plug-ins included."""
-    load_plugins("tmca.decoders")
-    return DECODERS

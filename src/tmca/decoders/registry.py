@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+from warnings import warn
 
-from tmca.errors import SettingError
+from tmca.cameras import CAMERAS, load_cameras
+from tmca.errors import SettingError, check_choice
+from tmca.plugins import BrokenPlugin, load_plugins
+
+if TYPE_CHECKING:
+    from tmca.decoders.decoder import Decoder
 
 DECODERS: dict[str, Any] = {}
 """Every decoder class by its name; `tmca.decoders.decoders` also has those of plug-ins."""
+
+
+def decoders() -> Mapping[str, type[Decoder]]:
+    """All decoders by name, those of plug-ins included.
+
+    Warns:
+        BrokenPlugin: one that names a kind of camera that there is not.
+    """
+    load_plugins("tmca.decoders", _registered, "a subclass of Decoder with name, label and cameras")
+    unknown = [(name, kind) for name, cls in DECODERS.items() for kind in cls.cameras if kind not in CAMERAS]
+    if unknown:
+        load_cameras()
+    for name, kind in unknown:
+        try:
+            check_choice(f"decoder {name}: cameras", kind, CAMERAS)
+        except SettingError as error:
+            warn(str(error), BrokenPlugin, stacklevel=1)  # from one line, so that it is told once
+    return DECODERS
+
+
+def _registered() -> Collection[type[Decoder]]:
+    return DECODERS.values()
 
 
 def register(decoder: Any) -> None:
@@ -17,17 +45,18 @@ def register(decoder: Any) -> None:
     Raises:
         SettingError: a part of it is missing, or another module has a decoder of that name.
     """
-    where = f"{decoder.__module__}.{decoder.__qualname__}"
-    _check_parts(decoder, where)
+    check_parts(decoder)
     before = DECODERS.get(decoder.name)
     if before is not None and before.__module__ != decoder.__module__:
-        raise SettingError(f"{where}.name", f"{decoder.name!r}, which {before.__module__} has", "a name of its own")
+        found = f"{decoder.name!r}, which {before.__module__} has"
+        raise SettingError(f"{_place(decoder)}.name", found, "a name of its own")
     decoder.cameras = frozenset(decoder.cameras)
     DECODERS[decoder.name] = decoder
 
 
-def _check_parts(decoder: Any, where: str) -> None:
-    """Raises SettingError unless there are a name, a label, kinds of cameras and a way to reconstruct."""
+def check_parts(decoder: Any) -> None:
+    """Raises SettingError unless a class has a name, a label, kinds of cameras and a way to reconstruct."""
+    where = _place(decoder)
     for part in ("name", "label"):
         value = getattr(decoder, part, None)
         if not (isinstance(value, str) and value):
@@ -37,3 +66,8 @@ def _check_parts(decoder: Any, where: str) -> None:
         raise SettingError(f"{where}.cameras", repr(cameras), "a set of kinds of cameras", 'such as {"spectral"}')
     if getattr(decoder.reconstruct, "__isabstractmethod__", False):
         raise SettingError(f"{where}.reconstruct", "no such method", "one", "define it in the class")
+
+
+def _place(decoder: Any) -> str:
+    """Where a class is."""
+    return f"{decoder.__module__}.{decoder.__qualname__}"

@@ -15,10 +15,12 @@ from pydantic import BaseModel, ConfigDict
 
 from tmca.applications import simulate
 from tmca.applications.moving import FRAMES, frame_pairs, frames_of, mean_of
-from tmca.cameras import Hardware
-from tmca.decoders import OtherCodes, decode
+from tmca.cameras import CAMERAS, Hardware
+from tmca.decoders import OtherCodes, decode, decoders
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
+from tmca.plugins import foreign_source
+from tmca.priors import prior_kinds
 
 
 class Cell(BaseModel, ABC):
@@ -40,8 +42,17 @@ class Cell(BaseModel, ABC):
 
     @property
     def key(self) -> str:
-        """Digest of all of it."""
-        return cell_key(self.model_dump(mode="json"))
+        """Digest of all of it, and of the source of the classes of other packages that it needs."""
+        sources = [foreign_source(cls) for cls in self._classes()]  # type: ignore[arg-type]
+        return cell_key(self.model_dump(mode="json"), [source for source in sources if source])
+
+    def _classes(self) -> list[type[Any]]:
+        """Those that its camera, decoder and prior are of."""
+        evaluation = evaluation_of(self.camera)
+        cls = decoders().get(getattr(self, "decoder", ""))
+        kind: str = getattr(self, "prior_kind", None) or (cls and cls.prior_kind) or ""
+        camera = (CAMERAS[self.camera], type(evaluation.application), type(evaluation))
+        return [one for one in (*camera, cls, prior_kinds().get(kind)) if one is not None]
 
 
 class LearnedPrior(Cell):

@@ -27,6 +27,7 @@ from tmca.data.atomic import sweep_all
 from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.plugins import BrokenPlugin, source_digest
 
 _DIGEST = "digest"
 """Entry of a cell's file: of all the others."""
@@ -50,15 +51,13 @@ class DamagedCell(UserWarning):
 @cache
 def package_version() -> str:
     """Version and digest of the package's source: what cells are computed by, in a checkout or installed."""
-    root, digest = Path(tmca.__file__).parent, hashlib.sha256()
-    for file in sorted(root.rglob("*.py")):
-        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
-    return f"{tmca.__version__}+{digest.hexdigest()[:12]}"
+    return f"{tmca.__version__}+{source_digest(Path(tmca.__file__).parent)[:12]}"
 
 
-def cell_key(settings: Mapping[str, Any]) -> str:
-    """Name of a cell's file: a digest of everything that makes it, the package's version among it."""
-    text = json.dumps([package_version(), settings], sort_keys=True, ensure_ascii=False)
+def cell_key(settings: Mapping[str, Any], foreign: Sequence[str] = ()) -> str:
+    """Name of a cell's file: a digest of everything that makes it, the package's version among it, and what
+    `foreign_source` says of classes of other packages."""
+    text = json.dumps([package_version(), settings, *foreign], sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
@@ -150,7 +149,8 @@ def run_cells(
     """Compute every cell that has no file in ``folder`` yet.
 
     Args:
-        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``.
+        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``; a model may have a
+            ``key`` of its own.
         compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
         folder: of a file per finished cell.
         jobs: processes side by side.
@@ -169,7 +169,8 @@ def run_cells(
     sweep_all(place)  # of one that was killed behind its last cell; nothing else would be written here
     asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
     names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
-    files = [place / f"{cell_key(cell)}.json" for cell in asked]
+    keys = [getattr(cell, "key", None) for cell in cells]
+    files = [place / f"{key or cell_key(cell)}.json" for key, cell in zip(keys, asked, strict=True)]
     measured = {file: cell for file in dict.fromkeys(files) if (cell := _finished(file)) is not None}
     waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
     done, own = len(asked) - len(waiting), failures or Failures(place)
@@ -265,7 +266,8 @@ def _worker(parent: int) -> None:
     import torch
 
     torch.set_num_threads(1)
-    simplefilter("ignore", SceneWarning)  # said where the scenes were opened first
+    for said_before in (SceneWarning, BrokenPlugin):  # where scenes were opened, and decoders looked up, first
+        simplefilter("ignore", said_before)
 
     def watch() -> None:
         while os.getppid() == parent:

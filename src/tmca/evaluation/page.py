@@ -20,6 +20,7 @@ from tmca.evaluation.tables import (
     markdown_table,
     mean,
     means,
+    not_meaningful,
     repository_commit,
     rows_of,
     training_rows,
@@ -185,7 +186,7 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
          "seeds": ", ".join(format(value, spec) for value in row[f"seed_{metric}"])}
         for row in rows
     ]  # fmt: skip
-    return Section(title, [], shown, [*noises, *_there(columns, shown)])
+    return Section(title, not_meaningful(rows), shown, [*noises, *_there(columns, shown)])
 
 
 def parts_of(found: Row) -> dict[str, list[str]]:

@@ -57,7 +57,10 @@ def run_study(
     train, test, validation = (named(scenes) for scenes in vars(study.scenes).values())
     if not test:
         raise SettingError("--test", "no scenes", "scenes or split files")
-    names = short_names([*test, *(study.evaluation.always_measured() if study.page else ())])
+    always = study.evaluation.always_measured() if study.page else []
+    for name in sorted({*test} & {*always}):
+        raise SettingError("--test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
+    names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
     check_new([out / name for name in (*files, *picture_names(study, names.values()))], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)

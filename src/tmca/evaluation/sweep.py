@@ -15,7 +15,15 @@ from tmca.evaluation.camera import EXAMPLES
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.study import TrainStage, merged
-from tmca.evaluation.tables import check_counts, check_new, markdown_table, means, repository_commit, write_table
+from tmca.evaluation.tables import (
+    check_counts,
+    check_new,
+    markdown_table,
+    means,
+    not_meaningful,
+    repository_commit,
+    write_table,
+)
 from tmca.plots.curves import sweep_figure
 from tmca.plots.style import save_figure
 
@@ -260,4 +268,5 @@ def markdown(results: dict[str, Any], labels: Mapping[str, str], columns: Sequen
     said = f"decoder {labels[decoder]}" if decoder else "decoders side by side"
     said = f"{said[0].upper()}{said[1:]}{settings}; prior and networks learned from {learned}."
     lines += [f"{said} Means over {', '.join(results['scenes'])}.{f' {units}.' if units else ''}", ""]
+    lines += [line for text in not_meaningful(results["rows"]) for line in (text, "")]
     return "\n".join([*lines, markdown_table(results["rows"], columns)])

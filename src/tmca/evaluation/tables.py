@@ -178,6 +178,16 @@ def markdown_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def not_meaningful(rows: Iterable[Row]) -> list[str]:
+    """A line about rows of a table whose estimates are no scenes: PSNR below 0 dB; nothing without such rows."""
+    low = [row for row in rows if any(one.get("psnr", 0.0) < 0 for one in (row, *row["scenes"].values()))]
+    if not low:
+        return []
+    named = ", ".join(dict.fromkeys(row["decoder"] for row in low if "decoder" in row))
+    said = f"Warning: {len(low)} row{'s'[: len(low) != 1]}{f' ({named})' if named else ''} of this table"
+    return [f"{said} fell below 0 dB of PSNR: not meaningful, as of a decoder that diverged."]
+
+
 def _missing(value: Any) -> bool:
     return value is None or (isinstance(value, float) and isnan(value))
 

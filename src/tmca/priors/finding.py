@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.arguments import described
 from tmca.errors import DataError, SettingError, check_choice, check_range
 from tmca.operators.window_moments import WINDOW, needed_block
+from tmca.plugins import foreign_source
 from tmca.priors.learning import PATCH, common_channels, cubes_of, fitting_block, source_of, values_of
 from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
 
@@ -82,6 +83,8 @@ def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress
     if not cls.of_rendered:
         raise SettingError(cls.argument, "none", cls.called, f"learn one with {cls.learned_by}")
     identity, scenes = _rendered_scenes(camera)
+    foreign = foreign_source(cls)
+    identity |= {"source": foreign} if foreign else {}
     identity |= {"block": block or block_of(camera, kind), "learner": [kind, cls.version, _defaults(cls, camera.views)]}
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
     folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from math import prod
 from pathlib import Path
@@ -16,7 +16,7 @@ from torch import Tensor
 from tmca.arguments import described
 from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.plugins import load_plugins
+from tmca.plugins import load_plugins, take
 from tmca.stored_numbers import finite_numbers
 
 if TYPE_CHECKING:
@@ -55,12 +55,7 @@ class Prior(ABC):
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
         if "kind" in vars(cls):  # a subclass without one is of its parent's
-            before = Prior.kinds.get(cls.kind, cls)
-            if before.__module__ != cls.__module__:
-                where = f"{cls.__module__}.{cls.__qualname__}.kind"
-                raise SettingError(where, f"{cls.kind!r}, which {before.__module__} has", "a kind of its own")
-            cls.in_files = vars(cls).get("in_files", "")
-            Prior.kinds[cls.kind] = cls
+            take(cls, _register)
 
     @property
     @abstractmethod
@@ -167,9 +162,23 @@ class Prior(ABC):
         return prior
 
 
+def _register(cls: type[Prior]) -> None:
+    """Raises SettingError where another module has a prior of that kind."""
+    before = Prior.kinds.get(cls.kind, cls)
+    if before.__module__ != cls.__module__:
+        where = f"{cls.__module__}.{cls.__qualname__}.kind"
+        raise SettingError(where, f"{cls.kind!r}, which {before.__module__} has", "a kind of its own")
+    cls.in_files = vars(cls).get("in_files", "")
+    Prior.kinds[cls.kind] = cls
+
+
+def _registered() -> Collection[type[Prior]]:
+    return Prior.kinds.values()
+
+
 def prior_kinds() -> dict[str, type[Prior]]:
     """Every kind of prior by its name, those of other packages included."""
-    load_plugins("tmca.priors")
+    load_plugins("tmca.priors", _registered, "a subclass of Prior with a kind")
     return Prior.kinds
 
 

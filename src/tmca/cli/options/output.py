@@ -24,6 +24,17 @@ Figure = Annotated[Path | None, Parameter(help="Write a picture (PNG).")]
 """Options of many commands."""
 
 
+_MORE, _LESS, _SPAN = "higher is better", "lower is better", "at most 1, higher is better"
+_METRICS = {
+    "psnr": f"dB, {_MORE}", "psnr_min": f"dB, of the worst view, {_MORE}", "psnr_max": f"dB, of the best view, {_MORE}",
+    "ssim": _SPAN, "uiqi": _SPAN, "sam": f"degrees, {_LESS}", "ergas": f"%, relative error, {_LESS}",
+    "dd": f"mean absolute error, {_LESS}",
+    "disparity_mae": f"pixels from view to view, {_LESS}", "disparity_badpix": f"share of pixels, {_LESS}",
+    "depth_mae": f"m, {_LESS}", "depth_rmse": f"m, {_LESS}", "within_bin": f"share of pixels, {_MORE}",
+}  # fmt: skip
+"""Units of metrics, and which way is better."""
+
+
 @Parameter(name="*", group=Group("Output", sort_key=6))
 @dataclass(frozen=True)
 class OutputOptions:
@@ -42,6 +53,12 @@ class OutputOptions:
 def say(report: Any, json: bool, *lines: str) -> None:
     """Print a result as JSON, or in lines for people."""
     print(dumps(report, indent=1) if json else "\n".join(lines))
+
+
+def meaning(metric: str) -> str:
+    """Unit of a metric and which way is better, in brackets; nothing of a camera's own."""
+    known = _METRICS.get(metric)
+    return f"({known})" if known else ""
 
 
 def warned(line: str) -> None:

@@ -93,6 +93,9 @@ def is_rendered(source: object) -> bool:
 
 def no_such_scene(source: object) -> DataError:
     """The error for what is neither a file nor a rendered scene."""
+    name, _, seed = str(source).partition(":")
+    if seed and name in PHOTOGRAPHS:
+        return DataError(source, f"the seed {seed}, which rendered light fields alone have", f"a path, or {name}")
     expected = f"a path, or one of {', '.join(PHOTOGRAPHS)}"
     return DataError(source, "no such file, folder or rendered scene", expected, "check the path or the name")
 
