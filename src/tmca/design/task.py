@@ -94,12 +94,12 @@ class Task:
         return search(kind, slots, self.period, self.error, starts=starts, **how)
 
     def design(self, kind: str, slots: int) -> Design:
-        """The best codes of a kind, searched once. Free ones contain the others, and static ones have as many descents
-        as the free ones of eight slots with all that they contain: the same effort for both."""
+        """The best codes of a kind, searched once. Free ones and those of two buckets start from what they contain, and
+        static ones have as many descents as the free ones of eight slots with all that they contain: the same effort."""
         file = self.file(kind, slots)
         if file.exists():
             return self._stored(file, kind)
-        starts = [self.design(*other).camera for other in _contained(slots)] if kind == "free" else []
+        starts = [self.design(*other).camera for other in _contained(kind, slots)]
         more = {"descents": _STATIC * self.effort.descents} if kind == "static" else {}
         best = self.search(kind, slots, starts, **more)
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
@@ -111,7 +111,7 @@ class Task:
     def seconds(self, kind: str, slots: int) -> dict[str, float]:
         """CPU seconds of the search for a design, and of those for all designs that it contains, kind by kind."""
         spent = {f"{kind} K = {slots}": self.design(kind, slots).seconds}
-        for other in _contained(slots) if kind == "free" else ():
+        for other in _contained(kind, slots):
             spent |= self.seconds(*other)
         return spent
 
@@ -145,10 +145,12 @@ class Task:
         return {name: decibels(value) for name, value in errors.items()}
 
 
-def _contained(slots: int) -> list[tuple[str, int]]:
-    """Kinds and slots of the designs that free codes contain and start from, the freest of fewer slots among them."""
-    fewer = ("free", slots // 2) if slots % 2 == 0 and slots > 2 else ("static", 1)
-    return [fewer, ("one-hot", slots)]
+def _contained(kind: str, slots: int) -> list[tuple[str, int]]:
+    """Kinds and slots of the designs that codes contain and start from, the freest of fewer slots among them."""
+    fewer = [(kind, slots // 2)] if slots % 2 == 0 and slots > 2 else []
+    if kind == "two-bucket":
+        return fewer or ([("burst", 2)] if slots == 2 else [])
+    return [*(fewer or [("static", 1)]), ("one-hot", slots)] if kind == "free" else []
 
 
 def camera_arguments(bands: Sequence[float], views: Sequence[int] | None) -> dict[str, Any]:
