@@ -220,7 +220,7 @@ def _other(opened: Any, name: str, shape: tuple[int, ...], how: int, rng: Rng) -
         return opened.create_dataset(name, data=np.array(["odd"] * 3, dtype=object), dtype="S3")
     if how == 6:
         return opened.create_dataset(name, data=np.zeros((0,) * max(1, len(shape))))
-    grown = tuple(size + int(rng.integers(-1, 3)) for size in shape) or (2,)
+    grown = tuple(min(size, 100) + int(rng.integers(-1, 3)) for size in shape) or (2,)
     return opened.create_dataset(name, data=rng.random([max(size, 1) for size in grown]))
 
 

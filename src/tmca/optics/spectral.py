@@ -101,6 +101,6 @@ def gaussian_psf(sigma: float | Sequence[float], bands: int, radius: int | None 
         raise SettingError("relay_blur", str(sigma), f"one or {bands} standard deviations ≥ 0, in pixels")
     reach = radius if radius is not None else max(1, round(3 * max(sigmas)))
     axis = torch.arange(-reach, reach + 1, dtype=torch.float64)
-    lines = [torch.exp(-(axis**2) / (2 * s**2)) if s > 0 else (axis == 0).double() for s in sigmas]
+    lines = [torch.exp(-(axis**2) / (2 * s**2)) if s**2 > 0 else (axis == 0).double() for s in sigmas]
     squares = (torch.outer(line, line) for line in lines)
     return torch.stack([square / square.sum() for square in squares]).to(torch.get_default_dtype())
