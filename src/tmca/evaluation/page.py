@@ -255,14 +255,16 @@ def _pairs(found: Row, study: Study) -> Iterator[Section]:
 
 def margins(found: Row, study: Study) -> list[Row]:
     """Time-multiplexed codes against those with one slot, and against other bases, decoder by decoder and noise by
-    noise: the best of either as they are chosen without a test scene, or in hindsight where nothing is known so."""
-    static = [name for name, code in study.codes.items() if code.camera.get("slots") == 1]
+    noise: the best of either as they are chosen without a test scene, or in hindsight where nothing is known so.
+    Bursts are neither."""
+    static = [name for name, code in study.codes.items() if code.one_slot]
+    apart = [*static, *(name for name, code in study.codes.items() if code.burst)]
     bases, rows = {"one slot": static, **study.bases}, []
     groups = grouped(found["rows"], "decoder", "noise").items()
     for ((decoder, noise), own), (part, scenes) in product(groups, parts_of(found).items()):
         known = study.evaluation.scores(found, decoder, noise)
         for name, base in bases.items():
-            several = [row for row in own if row["code"] not in static and level(row, scenes, "psnr") is not None]
+            several = [row for row in own if row["code"] not in apart and level(row, scenes, "psnr") is not None]
             single = [row for row in own if row["code"] in base and level(row, scenes, "psnr") is not None]
             if several and single:
                 rows.append({"decoder": study.decoder_labels[decoder], "noise": noise, "part": part, "against": name,

@@ -81,7 +81,7 @@ class SpectralEvaluation(CameraEvaluation):
     def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
         """See ``CameraEvaluation``: the expected error of codes that are not learned, where the LMMSE is asked for and
         scenes stand still."""
-        if study.motion is not None:
+        if study.motion is not None or not study.patches:
             return []
         scenes = {"train": [*lists.train], "test": [*lists.test]}
         about = {"prior": lists.priors.get("gaussian"), **scenes, "reading": study.reading, "patches": study.patches,

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.applications import application_of
-from tmca.codes import tile_of
+from tmca.codes import BURST, tile_of
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
 from tmca.errors import SettingError, TmcaError, check_choice
@@ -92,6 +92,17 @@ class Code(Strict):
     learn: LearnedCodes | None = None
     train: bool = True
     dead_time: float = Field(default=0.0, ge=0, le=0.99)
+
+    @property
+    def one_slot(self) -> bool:
+        """Whether nothing changes within the exposure."""
+        searched = self.search.slots if self.search else None
+        return (searched or self.camera.get("slots")) == 1
+
+    @property
+    def burst(self) -> bool:
+        """Whether they are frames one after the other, which multiplex nothing."""
+        return BURST in (self.camera.get("shutter"), self.search and self.search.kind)
 
 
 class StudyNetwork(Strict):
@@ -198,7 +209,7 @@ class Study(Strict):
         search: settings of all searches, ``effort`` among them.
         train: of all trainings.
         priors: settings of ``learn_prior``, by the prior's kind.
-        patches: on which expected errors are checked, of cameras that check them.
+        patches: on which expected errors are checked, of cameras that check them; 0 for no check.
         seed, seeds: of codes, noise and trainings: the first, and how many.
         seeds_without_prior: how many for decoders without a prior and without training; as many if None.
         shown: codes and decoders that are pictured under ``shown_noise``; all if None.
@@ -227,7 +238,7 @@ class Study(Strict):
     search: Settings = {}
     train: TrainStage = TrainStage()
     priors: dict[str, Settings] = {}
-    patches: int = Field(default=24_000, ge=1, le=10**7)
+    patches: int = Field(default=24_000, ge=0, le=10**7)
     seed: int = 0
     seeds: int = Field(default=1, ge=1, le=10**5)
     seeds_without_prior: int | None = None
