@@ -205,7 +205,7 @@ class StoredExamples(Attributes):
     """See `Examples`."""
 
     areas: dict[str, Annotated[int, Field(ge=1, lt=2**53)]] = Field(min_length=1)
-    peaks: dict[str, Annotated[float, Field(gt=0)]]
+    peaks: dict[str, Annotated[float, Field(ge=1e-12)]]
 
 
 class StoredDesign(Attributes):
