@@ -1,7 +1,5 @@
 """Faults of time and scenes that move on the simulated bench, against the exposure followed moment by moment."""
 
-from math import floor
-
 import pytest
 import torch
 
@@ -26,20 +24,17 @@ def slow(camera, scene, hardware):
     aperture, shutter = camera.codes()
     alone = torch.stack([one_pattern(camera, pattern, scene) for pattern in aperture])
     rows, slots = camera.size[0], camera.slots
+    since = (torch.arange(_MOMENTS) + 0.5) / _MOMENTS
+    since = since[since >= hardware.dead_time]
     found = torch.zeros(1, 1, *camera.snapshot_shape[1:])
     for slot in range(slots):
         for row in range(rows):
             late = hardware.delay + hardware.rolling * row / (rows - 1)
-            seen = torch.zeros(slots)
-            for moment in range(_MOMENTS):
-                since = (moment + 0.5) / _MOMENTS
-                if since < hardware.dead_time:
-                    continue
-                time = slot + late + since
-                shown, turned = floor(time), time - floor(time)
-                share = min(turned / hardware.switching, 1) if hardware.switching else 1.0
-                seen[shown % slots] += share / _MOMENTS
-                seen[(shown - 1) % slots] += (1 - share) / _MOMENTS
+            time = slot + late + since
+            shown, turned = time.floor().long(), time - time.floor()
+            share = (turned / hardware.switching).clamp(max=1) if hardware.switching else torch.ones_like(turned)
+            seen = torch.zeros(slots).index_add(0, shown % slots, share / _MOMENTS)
+            seen = seen.index_add(0, (shown - 1) % slots, (1 - share) / _MOMENTS)
             light = (seen[:, None] * alone[:, 0, 0, row]).sum(0)
             found[0, 0, row] += shutter[slot, row] * light / slots
     return found
