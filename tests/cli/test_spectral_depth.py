@@ -120,7 +120,7 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     main(["simulate", "spectral", "coffee", "--crop", "32x32", "--no-figures"])
     write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
-    assert "8 × 32 × 32" in said(capsys, *learn, "motorcycle_snapshot.nc")
+    assert "8 × 28 × 28" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
     capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")

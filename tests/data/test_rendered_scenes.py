@@ -20,13 +20,13 @@ FIVE_NM = np.arange(400, 701, 5) * 1e-9
 
 @pytest.fixture(scope="module")
 def scenes():
-    return {name: rendered_scene(name, size=(64, 64)) for name in rendered_names()}
+    return {name: rendered_scene(name, size=(128, 128)) for name in rendered_names()}
 
 
 def test_every_scene_is_complete(scenes):
     for name, scene in scenes.items():
         assert scene.radiance.dims == ("wavelength", "y", "x")
-        assert scene.radiance.shape == scene.reflectance.shape == (31, 64, 64)
+        assert scene.radiance.shape == scene.reflectance.shape == (31, 128, 128)
         np.testing.assert_allclose(scene.wavelength, np.arange(400, 701, 10) * 1e-9)
         for cube in (scene.radiance, scene.reflectance):
             assert cube.dtype == np.float32
