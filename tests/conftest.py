@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from functools import lru_cache, wraps
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+import numpy as np
 import pytest
 import torch
 
@@ -47,6 +50,42 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 def seeded() -> None:
     """Every test draws the same numbers whichever ran before it."""
     torch.manual_seed(0)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def rendered_once() -> Iterator[None]:
+    """Photographs are rendered once for all tests of a worker, which use the same few again and again."""
+    from tmca.data.rendering import scene
+
+    render = scene._render
+
+    @lru_cache(maxsize=24)
+    def kept(name: str, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: tuple[int, ...]) -> Any:
+        return render(name, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape))
+
+    def copied(name: str, seed: int, crop: tuple[slice, slice], bands: Any) -> Any:
+        ends = tuple((part.start, part.stop) for part in crop)
+        return tuple(part.copy() for part in kept(name, seed, ends, bands.tobytes(), bands.shape))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene, "_render", wraps(render)(copied))
+        yield
+
+
+@pytest.fixture
+def rendered_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every scene of a test is rendered for it."""
+    from tmca.data.rendering import scene
+
+    monkeypatch.setattr(scene, "_render", scene._render.__wrapped__)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_flushing() -> Iterator[None]:
+    """Files of tests need not outlive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda handle: None)
+        yield
 
 
 @pytest.fixture

@@ -56,6 +56,7 @@ def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
         assert Image.open(f"{picture}.png").width > 600
 
 
+@pytest.mark.slow
 def test_the_spectral_depth_camera_takes_a_snapshot_of_the_scene(capsys, table):
     said(capsys, "scan", "depth", "table/captures", *PLAN, "--out", "depth.nc")
     said(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "spectra.nc")

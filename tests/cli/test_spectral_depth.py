@@ -39,6 +39,7 @@ def simulate(*more):
     main([*SIMULATE, *more])
 
 
+@pytest.mark.slow
 def test_a_scene_becomes_a_snapshot_and_again_cube_and_depth(capsys, tmp_path, prior):
     told = answer(capsys, *SIMULATE, "--read-noise", "0.002", "--shutter", "one-hot")
     assert told["bands"] == 8
@@ -113,12 +114,13 @@ def test_a_file_of_codes_names_the_option_beside_it(capsys):
         assert f"{given[-2]} beside it" in line
 
 
+@pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # a narrow window is a fast one
 def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
-    simulate("--no-figures")
+    simulate("--no-figures", "--channels", "monochrome", "--planes", "4", "--psf-window", "17")
     main(["simulate", "spectral", "coffee", "--crop", "32x32", "--no-figures"])
     write_dataset(chelsea(), tmp_path / "cube.nc")
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
-    assert "8 × 42 × 42" in said(capsys, *learn, "motorcycle_snapshot.nc")
+    assert "8 × 28 × 28" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
     capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")

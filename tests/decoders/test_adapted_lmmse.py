@@ -57,8 +57,10 @@ def test_a_refitted_prior_has_a_positive_covariance_and_the_estimate_s_moments()
     torch.testing.assert_close(fitted.mean, own.mean)
 
 
-@pytest.mark.parametrize("name", ["single disperser", "dual disperser", "two taps per band"])
-@pytest.mark.parametrize("size", [(40, 57), (33, 64)])
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [("single disperser", (33, 64)), ("dual disperser", (40, 57)), ("two taps per band", (33, 64))],
+)
 def test_it_finds_the_statistics_that_a_wrong_prior_lacks(name, size):
     """Started from rough white scenes, it comes close to the estimate under the scene's own prior."""
     scene = smooth_scene(*size, seed=9)

@@ -8,7 +8,7 @@ from tests.small_scenes import smooth_scene
 from tmca.design import Effort, SensorSheet, advise, design_model, designable, learn_examples
 from tmca.errors import SettingError
 
-SMALL = Effort(descents=2, steps=12, flips=0)
+SMALL = Effort(descents=1, steps=6, flips=0)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@
 import subprocess
 import sys
 
-MUTATIONS = 200
+MUTATIONS = 100
 
 
 def _fuzz(*arguments):

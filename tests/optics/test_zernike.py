@@ -29,16 +29,16 @@ def test_the_radial_part_is_the_sum_of_factorials(mode):
     np.testing.assert_allclose(radial(n, m, rho), slow, atol=1e-9)
 
 
-@pytest.mark.parametrize("size", [(401, 401), (300, 340)])
+@pytest.mark.parametrize("size", [(201, 201), (150, 170)])
 def test_modes_are_orthonormal_on_the_disk(size):
-    modes = zernike_modes([noll(j) for j in range(1, 46)], size)
+    modes = zernike_modes([noll(j) for j in range(1, 29)], size)
     inside = pupil_coordinates(size)[0] <= 1
     gram = modes.flatten(1) @ modes.flatten(1).mT / inside.sum()
-    torch.testing.assert_close(gram, torch.eye(45, dtype=torch.float64), atol=0.04, rtol=0)
-    fine = zernike_modes([noll(j) for j in range(1, 46)], (1201, 1201))
-    inside = pupil_coordinates((1201, 1201))[0] <= 1
+    torch.testing.assert_close(gram, torch.eye(28, dtype=torch.float64), atol=0.04, rtol=0)
+    fine = zernike_modes([noll(j) for j in range(1, 29)], (601, 601))
+    inside = pupil_coordinates((601, 601))[0] <= 1
     better = fine.flatten(1) @ fine.flatten(1).mT / inside.sum()
-    worst = [float((g - torch.eye(45, dtype=torch.float64)).abs().max()) for g in (gram, better)]
+    worst = [float((g - torch.eye(28, dtype=torch.float64)).abs().max()) for g in (gram, better)]
     assert worst[1] < worst[0] / 2
 
 

@@ -60,7 +60,11 @@ def test_without_texture_or_parallax_the_strip_goes_from_far_to_near(views):
 
 @pytest.mark.parametrize(
     ("scene", "size", "colour"),
-    [("coffee:1", (64, 80), False), ("astronaut:2", (75, 91), True), ("coffee:1", (96, 120), False)],
+    [
+        ("coffee:1", (64, 80), False),
+        ("astronaut:2", (75, 91), True),
+        pytest.param("coffee:1", (96, 120), False, marks=pytest.mark.slow),
+    ],
 )
 def test_the_strip_covers_the_disparity_of_small_frames(scene, size, colour):
     views = load_light_field(scene, views=5, size=size, colour=colour)

@@ -37,7 +37,7 @@ def undisturbed(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("step", range(1, 8))
+@pytest.mark.parametrize("step", [1, 2, 5, 7])
 def test_a_run_that_breaks_off_after_any_step_ends_the_same(undisturbed, tmp_path, step):
     def break_off(done, steps, said):
         if done == step:

@@ -1,9 +1,12 @@
 """Captures on the simulated bench: frames join into the camera's own snapshot; a bench that stops is gone on with."""
 
 import json
+import pickle
 import shutil
+import tempfile
 from dataclasses import replace
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
 import tifffile
@@ -23,10 +26,26 @@ from tmca.sensor import Sensor
 LATER = datetime(2099, 1, 1, tzinfo=UTC)
 
 
+def small_device(name, **changes):
+    """A device of the package; one with pixels of its own has few of them, which are quickly written and read."""
+    pixels = {"size": (96, 128)} if name in ("dli4120", "pluto-2.1") else {}
+    return device_named(name, **pixels, **changes)
+
+
+_EXPORTS = {}
+
+
 def exported(folder, camera, *names):
-    folder.mkdir(exist_ok=True)
-    devices = [device_named(name) for name in names or ("dli4120", "emulated-shutter")]
-    return export_codes(read_planes(snapshot(folder, camera)), devices, folder / "out").folder
+    """The folder of an export, beside the snapshot taken.nc; of one camera it is made once, and copied."""
+    names = names or ("dli4120", "emulated-shutter")
+    key = pickle.dumps(camera.variables().to_dict()), names
+    if key not in _EXPORTS:
+        made = tempfile.TemporaryDirectory()
+        source = snapshot(Path(made.name), camera)
+        export_codes(read_planes(source), [small_device(name) for name in names], Path(made.name) / "out")
+        _EXPORTS[key] = made  # which is removed with the process
+    shutil.copytree(_EXPORTS[key].name, folder, dirs_exist_ok=True)
+    return folder / "out"
 
 
 def scene_of(camera):
@@ -125,7 +144,7 @@ def test_a_capture_goes_on_with_its_codes_however_often_they_are_exported(tmp_pa
         capture(export, bench_of(camera, stops_after=3), tmp_path / "f")
     kept = (tmp_path / "f" / "slot_001.tif").read_bytes()
     monkeypatch.setattr("tmca.lab.display.export.datetime", type("Later", (), {"now": lambda zone: LATER}))
-    devices, source = [device_named(name) for name in ("dli4120", "emulated-shutter")], tmp_path / "taken.nc"
+    devices, source = [small_device(name) for name in ("dli4120", "emulated-shutter")], tmp_path / "taken.nc"
     before = read_manifest(export)
     export_codes(read_planes(source), devices, export, overwrite=True)
     assert read_manifest(export)["written"] != before["written"]
@@ -145,9 +164,9 @@ def test_a_capture_does_not_go_on_with_what_shows_otherwise(tmp_path, change):
     if change == "order":
         aperture = aperture[[1, 0, 2]]
     how |= {"place": {"offset": (3, 0)}, "time": {"exposure": 0.3}}.get(change, {})
-    first = device_named("dli4120", macro_pixel=2) if change == "device" else device_named("dli4120")
+    first = small_device("dli4120", macro_pixel=2) if change == "device" else small_device("dli4120")
     other = replace(planes, planes={**planes.planes, "aperture": aperture})
-    export_codes(other, [first, device_named("emulated-shutter")], export, **how)
+    export_codes(other, [first, small_device("emulated-shutter")], export, **how)
     with pytest.raises(OutputError, match="a capture of"):
         capture(export, bench_of(camera), folder)
     with pytest.raises(DataError, match="a capture of"):
@@ -166,7 +185,7 @@ def test_a_capture_is_of_one_export_and_one_camera(taken, tmp_path):
     camera, export, folder = taken
     with pytest.raises(DataError, match=r"aperture of \(3, 12, 16\)"):
         joined(folder, export, spectral((20, 20)))
-    other = export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], tmp_path / "b", exposure=0.2)
+    other = export_codes(read_planes(tmp_path / "taken.nc"), [small_device("dli4120")], tmp_path / "b", exposure=0.2)
     with pytest.raises(OutputError, match="a capture of"):
         capture(other.folder, bench_of(camera), folder)
     with pytest.raises(DataError, match="a capture of"):
