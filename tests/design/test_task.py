@@ -21,7 +21,8 @@ def task(tmp_path_factory):
 
 @pytest.mark.parametrize(("kind", "slots", "contained"), [
     ("free", 2, ("static", 1)), ("free", 4, ("free", 2)),
-    ("two-bucket", 2, ("burst", 2)), ("two-bucket", 4, ("two-bucket", 2)), ("two-bucket", 3, None), ("one-hot", 2, None),
+    ("two-bucket", 2, ("burst", 2)), ("two-bucket", 4, ("two-bucket", 2)),
+    ("two-bucket", 3, None), ("one-hot", 2, None),
 ])  # fmt: skip
 def test_codes_are_no_worse_than_the_first_that_they_contain(task, kind, slots, contained):
     best = task.design(kind, slots)

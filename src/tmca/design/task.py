@@ -94,8 +94,8 @@ class Task:
         return search(kind, slots, self.period, self.error, starts=starts, **how)
 
     def design(self, kind: str, slots: int) -> Design:
-        """The best codes of a kind, searched once. Free ones and those of two buckets start from what they contain, and
-        static ones have as many descents as the free ones of eight slots with all that they contain: the same effort."""
+        """The best codes of a kind, searched once. Free ones and those of two buckets start from what they contain;
+        static ones have as many descents as the free ones of eight slots with all that these contain."""
         file = self.file(kind, slots)
         if file.exists():
             return self._stored(file, kind)
