@@ -59,7 +59,7 @@ def rendered_once() -> Iterator[None]:
 
     render = scene._render
 
-    @lru_cache(maxsize=24)
+    @lru_cache(maxsize=8)
     def kept(name: str, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: tuple[int, ...]) -> Any:
         return render(name, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape))
 

@@ -54,8 +54,8 @@ def _trouble(
     if isinstance(loaded, type):
         brings = loaded in known
     else:  # a module, which somebody may have imported before
-        named = (one for one in getattr(loaded, "__dict__", {}).values() if isinstance(one, type))
-        brings = len(registered()) > before or any(one in known for one in named)
+        own = getattr(loaded, "__name__", "")
+        brings = len(registered()) > before or any(f"{one.__module__}.".startswith(f"{own}.") for one in known)
     return "" if brings else f"{said} registers nothing; name {wanted}"
 
 

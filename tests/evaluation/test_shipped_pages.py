@@ -6,17 +6,18 @@ from pathlib import Path
 import pytest
 
 from tmca.evaluation.camera import evaluation_of
-from tmca.evaluation.page import filled, markdown
+from tmca.evaluation.page import filled, margins, markdown
+from tmca.evaluation.study import checked_study, read_study
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 
 
-@pytest.mark.parametrize("camera", ["spectral", "light-field", "spectral-depth"])
-def test_a_shipped_page_tells_the_shipped_numbers(camera):
-    numbers = json.loads((RESULTS / f"{camera}.json").read_text())
+@pytest.mark.parametrize("study", ["spectral", "light-field", "spectral-depth", "buckets"])
+def test_a_shipped_page_tells_the_shipped_numbers(study):
+    numbers = json.loads((RESULTS / f"{study}.json").read_text())
     page = markdown(numbers)
-    assert page == (RESULTS / f"{camera}.md").read_text()
-    assert numbers["pictures"]
+    assert page == (RESULTS / f"{study}.md").read_text()
+    assert numbers["pictures"] or study == "buckets"
     for file in numbers["pictures"]:
         assert f"]({file})" in page
         assert (RESULTS / file).exists()
@@ -25,6 +26,26 @@ def test_a_shipped_page_tells_the_shipped_numbers(camera):
 def test_entries_of_the_results_are_filled_in_and_other_braces_stay():
     words = {"split": {"real scenes": "a, b"}}
     assert filled("{split[real scenes]}, {split[none]}, {split}, {x}", words) == "a, b, {split[none]}, {split}, {x}"
+
+
+def test_a_burst_is_no_time_multiplexed_code_and_searches_choose_without_a_test_scene():
+    numbers = json.loads((RESULTS / "buckets.json").read_text())
+    study = checked_study(numbers["study"], "buckets")
+    rows = margins(numbers, study)
+    assert {row["against"] for row in rows} == {"one slot", *study.bases}
+    assert not any(study.codes[row["best"]].burst or study.codes[row["best"]].one_slot for row in rows)
+    assert all(study.codes[row["base"]].one_slot for row in rows if row["against"] == "one slot")
+    for row in rows:
+        expected = {one["code"]: one["psnr"] for one in numbers["searches"] if one["noise"] == row["noise"]}
+        several = {
+            code: psnr for code, psnr in expected.items() if study.codes[code].search.kind in ("free", "two-bucket")
+        }
+        assert row["best"] == max(several, key=several.get)
+
+
+@pytest.mark.parametrize("file", sorted((RESULTS.parents[1] / "studies").glob("*.yaml")), ids=lambda file: file.stem)
+def test_a_study_beside_the_package_can_be_read(file):
+    assert read_study(file).codes
 
 
 def test_trainings_without_validation_tell_nothing_of_their_codes():

@@ -64,6 +64,17 @@ def test_a_study_measures_what_the_cameras_give_and_resumes(tmp_path, capsys, mo
     assert "mine.json" in refused(capsys, "study", "mine.yaml")
 
 
+def test_in_dead_time_a_burst_collects_no_light(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    burst = {"camera": {"slots": 2, "shutter": "burst", "buckets": 2}}
+    codes = {"burst": burst, "gaps": {**burst, "dead_time": 0.25}}
+    settings = {"motion": {"pixels": 2, "frames": 2}, "seeds": 1, "decoders": ["dagger"], "noises": {"none": {}}}
+    main(["study", str(written(tmp_path, codes=codes, **settings)), "--json"])
+    rows = {row["code"]: row for row in json.loads(capsys.readouterr().out)["rows"]}
+    assert rows["gaps"]["throughput"] == pytest.approx(0.75 * rows["burst"]["throughput"])
+    assert rows["gaps"]["psnr"] != rows["burst"]["psnr"]
+
+
 def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
     shipped, own = read_study("spectral"), {"unrolled": {"pace": 0.5}}
     study = read_study(written(tmp_path, decoders=["unrolled"], networks=own))
@@ -85,6 +96,8 @@ def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
         ({"codes": {"a": {"learn": {"what": "both", "networks": {"magic": []}}}}}, "codes.a.learn.networks"),
         ({"codes": {"a": {"learn": {"what": "both", "start": "b", "networks": {}}}}}, "codes.a.learn.start"),
         ({"decoder_pairs": [["lmmse", "magic"]]}, "decoder_pairs"),
+        ({"codes": {"a": {"dead_time": 0.004}}}, "codes.a.dead_time"),
+        ({"camera": "spectral-depth", "reading": {}, "codes": {"a": {"dead_time": 0.1}}}, "codes.a.dead_time"),
     ],
 )
 def test_what_is_no_study_is_named(tmp_path, changes, where):

@@ -174,7 +174,7 @@ class SpectralDepthApplication(Application):
         from tmca.data import read_dataset
 
         stored = read_dataset(path, _PARTS)
-        if stored["depth"].dtype.kind != "f" or stored["depth"].isnull().any():
+        if stored["depth"].dtype.kind not in "fiu" or stored["depth"].isnull().any():
             raise DataError(path, "a depth that is not a number", "the distance of every pixel", REMEDY)
         return stored
 

@@ -119,6 +119,12 @@ class SpectralEvaluation(CameraEvaluation):
             "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks]
         }
 
+    def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:
+        """See ``CameraEvaluation``; of the LMMSE what searches expect of their codes."""
+        if decoder != "lmmse":
+            return super().scores(found, decoder, noise)
+        return {one["code"]: -one["psnr"] for one in found["searches"] if one["noise"] == noise and "psnr" in one}
+
     def sections(self, found: Row, study: Study) -> Iterable[Section]:
         """See ``CameraEvaluation``."""
         columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.applications import application_of
+from tmca.cameras import CAMERAS, CodedCamera
 from tmca.codes import BURST, tile_of
 from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
@@ -77,6 +78,13 @@ class LearnedCodes(Strict):
     steps: int = Field(default=1, ge=1)
 
 
+def _hundredths(share: float) -> float:
+    """A share of the time that slots in a hundred parts can have."""
+    if abs(100 * share - round(100 * share)) > 1e-9:
+        raise ValueError("hundredths, such as 0.1")
+    return share
+
+
 class Code(Strict):
     """Codes of a row: the camera's settings, searched ones, or learned ones.
 
@@ -91,7 +99,7 @@ class Code(Strict):
     search: SearchedCodes | None = None
     learn: LearnedCodes | None = None
     train: bool = True
-    dead_time: float = Field(default=0.0, ge=0, le=0.99)
+    dead_time: Annotated[float, Field(ge=0, le=0.99), AfterValidator(_hundredths)] = 0.0
 
     @property
     def one_slot(self) -> bool:
@@ -261,6 +269,8 @@ class Study(Strict):
         """Names point to what is there."""
         application_of(self.camera)
         for name, code in self.codes.items():
+            if code.dead_time and not issubclass(CAMERAS[self.camera], CodedCamera):
+                raise SettingError(f"codes.{name}.dead_time", "some", f"none of a {self.camera} camera")
             if code.search and code.search.noise is not None:
                 check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
             if code.learn and code.learn.start is not None:
