@@ -3,6 +3,7 @@
 from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
+from tmca.cameras.frames import in_finer_time
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.motion import moving_object, moving_scene, moving_scenes
 from tmca.cameras.snapshot import Snapshot, holds_snapshot, load_cameras
@@ -29,6 +30,7 @@ __all__ = [
     "defective",
     "holds_snapshot",
     "imperfect",
+    "in_finer_time",
     "load_cameras",
     "moving_object",
     "moving_scene",

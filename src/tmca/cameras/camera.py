@@ -17,7 +17,7 @@ from tmca.arguments import Count, FromArguments, Size, checked
 from tmca.attributes import Attributes, attributes_of
 from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
 from tmca.codes.files import TILE, Axes, Frame, by_bucket, code_variables, tensors
-from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
+from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
 from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
 from tmca.specs import CameraSpec
@@ -346,24 +346,6 @@ class CodedCamera(Camera):
         """Aperture (K, H, Wa), and the shutters (R, K, H, W') of every bucket of the pixels."""
         aperture, shutter = self.codes()
         return aperture, bucket_shutters(shutter, self.slots, self.buckets)
-
-    def in_finer_time(self, parts: int, dead: int = 0) -> Self:
-        """The same codes, every slot of which lasts for ``parts`` shorter ones; in the last ``dead`` of these no bucket
-        collects light, as while a frame of a burst is read.
-
-        Raises:
-            SettingError: less than one part, as many dead ones, or slots that are whole exposures.
-        """
-        check_choice("exposure", self.exposure, ("equal",))
-        check_range("parts", parts, 1, 1000, whole=True)
-        check_range("dead", dead, 0, parts - 1, whole=True)
-        aperture, shutter = self.codes.aperture, self.codes.shutter
-        collected = bucket_shutters(shutter.tile(), self.slots, self.buckets).repeat_interleave(parts, 1)
-        read = (torch.arange(parts) >= parts - dead).repeat(self.slots)
-        collected[:, read] = 0
-        shown = aperture.tile().repeat_interleave(parts, 0)
-        codes = Codes(aperture=shown, shutter=collected.flatten(0, 1), period=aperture.period)
-        return self.replace(slots=self.slots * parts, codes=codes)
 
     @property
     def channels(self) -> int:

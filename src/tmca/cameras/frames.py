@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import torch
 from torch import Tensor, nn
 
 from tmca.cameras.camera import CodedCamera
-from tmca.codes import bucket_shutters
-from tmca.errors import SettingError, check_range
+from tmca.codes import Codes, bucket_shutters
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import Taps
+
+AnyCoded = TypeVar("AnyCoded", bound=CodedCamera)
 
 
 class ExposedPart(nn.Module):
@@ -62,3 +66,27 @@ def frame_taps(camera: CodedCamera, frames: int) -> Taps:
     shares = frame_shares(frames, camera.slots)
     parts = [ExposedPart(camera.codes, part, camera.buckets) for part in shares]
     return Taps.of_frames([camera.replace(codes=part).taps() for part in parts])
+
+
+def in_finer_time(camera: AnyCoded, parts: int, dead: int = 0) -> AnyCoded:
+    """The same codes, every slot of which lasts for some shorter ones; in the last of these no bucket collects light,
+    as while a frame of a burst is read.
+
+    Args:
+        camera: whose slots share one exposure.
+        parts: of every slot.
+        dead: how many of them collect nothing.
+
+    Raises:
+        SettingError: less than one part, as many dead ones, or slots that are whole exposures.
+    """
+    check_choice("exposure", camera.exposure, ("equal",))
+    check_range("parts", parts, 1, 1000, whole=True)
+    check_range("dead", dead, 0, parts - 1, whole=True)
+    aperture, shutter = camera.codes.aperture, camera.codes.shutter
+    collected = bucket_shutters(shutter.tile(), camera.slots, camera.buckets).repeat_interleave(parts, 1)
+    read = (torch.arange(parts) >= parts - dead).repeat(camera.slots)
+    collected[:, read] = 0
+    shown = aperture.tile().repeat_interleave(parts, 0)
+    codes = Codes(aperture=shown, shutter=collected.flatten(0, 1), period=aperture.period)
+    return camera.replace(slots=camera.slots * parts, codes=codes)

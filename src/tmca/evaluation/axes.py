@@ -14,7 +14,8 @@ from tmca.decoders import decoders_for, make_decoder, settings_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Settings
-from tmca.evaluation.study import StudyNetwork, read_study
+from tmca.evaluation.study import read_study
+from tmca.evaluation.study_parts import StudyNetwork
 from tmca.evaluation.tables import check_counts, check_weights, decoder_labels
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",

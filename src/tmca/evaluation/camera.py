@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from tmca.applications.report import Section
     from tmca.evaluation.cells import Check, Measurement
     from tmca.evaluation.grid import Measured
-    from tmca.evaluation.study import Code, Study, TrainStage
+    from tmca.evaluation.study import Study
+    from tmca.evaluation.study_parts import Code, TrainStage
     from tmca.training import Trained
 
     Scene = xr.DataArray | xr.Dataset

@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tmca.applications import simulate
 from tmca.applications.moving import FRAMES, frame_pairs, frames_of, mean_of
-from tmca.cameras import CAMERAS, Hardware
+from tmca.cameras import CAMERAS, Hardware, in_finer_time
 from tmca.decoders import OtherCodes, decode, decoders
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
@@ -177,7 +177,7 @@ class Measurement(Cell):
         camera = evaluation.camera(self, scene)
         if self.dead_time:
             dead, parts = Fraction(round(100 * self.dead_time), 100).as_integer_ratio()
-            camera = camera.in_finer_time(parts, dead)
+            camera = in_finer_time(camera, parts, dead)
         seen: Any = scene
         if self.motion:
             seen = frames_of(scene, self._displacement(), camera.slots, whole=self.motion["whole"])

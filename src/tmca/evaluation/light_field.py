@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from tmca.evaluation.study import Study, TrainStage
+    from tmca.evaluation.study import Study
+    from tmca.evaluation.study_parts import TrainStage
 
 FILES = ("scale", "pattern", "lens")
 """What is asked of light fields from files."""

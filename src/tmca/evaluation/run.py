@@ -14,7 +14,8 @@ from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
-from tmca.evaluation.study import Code, Study, named, training_of
+from tmca.evaluation.study import Study, named, training_of
+from tmca.evaluation.study_parts import Code
 from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
 
 

@@ -41,7 +41,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tmca.decoders import Estimate
-    from tmca.evaluation.study import Code, Study, TrainStage
+    from tmca.evaluation.study import Study
+    from tmca.evaluation.study_parts import Code, TrainStage
     from tmca.priors import GaussianPrior
 
 CONSTANT = "constant guess"

@@ -14,7 +14,8 @@ from tmca.evaluation.axes import Point, Sweep
 from tmca.evaluation.camera import EXAMPLES
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
-from tmca.evaluation.study import TrainStage, merged
+from tmca.evaluation.study import merged
+from tmca.evaluation.study_parts import TrainStage
 from tmca.evaluation.tables import (
     check_counts,
     check_new,

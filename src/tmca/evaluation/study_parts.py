@@ -1,0 +1,181 @@
+"""The parts of a study's description: scenes, codes of a row, networks, trainings, motion, published tables."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from tmca.codes import BURST
+from tmca.evaluation.camera import Settings
+
+
+class Strict(BaseModel):
+    """Unknown names are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Scenes(Strict):
+    """Names of scenes, or split files (``.txt``) of them.
+
+    Args:
+        train: that priors, codes and networks learn from.
+        test: that are measured; they choose nothing.
+        validation: that choose a network's best step.
+    """
+
+    train: tuple[str, ...] = ()
+    test: tuple[str, ...] = ()
+    validation: tuple[str, ...] = ()
+
+
+class SearchedCodes(Strict):
+    """Codes that are searched.
+
+    Args:
+        noise: that they are searched for; that of each row if None.
+        kind, slots: of searched aperture and shutter patterns, as in `tmca design`; masks take those of the camera.
+        starts: times the starts of a search of masks.
+    """
+
+    noise: str | None = None
+    kind: str | None = None
+    slots: int | None = Field(default=None, ge=1, le=1024)
+    starts: int = Field(default=1, ge=1)
+
+
+class LearnedCodes(Strict):
+    """Codes that learn end to end.
+
+    Args:
+        what: ``aperture``, ``shutter``, ``both``, or parts of a phase code.
+        start: codes that they start from; those of the camera's settings if None.
+        decoder: start from the network of these codes, too.
+        networks: each network that codes are learned with, and decoders and further networks behind its codes.
+        steps: times the steps of a training.
+    """
+
+    what: str | tuple[str, ...]
+    start: str | None = None
+    decoder: bool = False
+    networks: dict[str, tuple[str, ...]]
+    steps: int = Field(default=1, ge=1)
+
+
+def _hundredths(share: float) -> float:
+    """A share of the time that slots in a hundred parts can have."""
+    if abs(100 * share - round(100 * share)) > 1e-9:
+        raise ValueError("hundredths, such as 0.1")
+    return share
+
+
+class Code(Strict):
+    """Codes of a row: the camera's settings, searched ones, or learned ones.
+
+    Args:
+        camera: settings of the camera, beside those of all codes.
+        search, learn: where they are searched or learned.
+        train: whether networks are trained behind them.
+        dead_time: share of every slot in which no bucket collects light, in hundredths: the readouts of a burst.
+    """
+
+    camera: Settings = {}
+    search: SearchedCodes | None = None
+    learn: LearnedCodes | None = None
+    train: bool = True
+    dead_time: Annotated[float, Field(ge=0, le=0.99), AfterValidator(_hundredths)] = 0.0
+
+    @property
+    def one_slot(self) -> bool:
+        """Whether nothing changes within the exposure."""
+        searched = self.search.slots if self.search else None
+        return (searched or self.camera.get("slots")) == 1
+
+    @property
+    def burst(self) -> bool:
+        """Whether they are frames one after the other, which multiplex nothing."""
+        return BURST in (self.camera.get("shutter"), self.search and self.search.kind)
+
+
+class StudyNetwork(Strict):
+    """A network that is trained for each code: one for all noises.
+
+    Args:
+        label: what tables call it.
+        decoder: settings of the network.
+        training: further settings of its runs.
+        pace: times the steps of a training.
+        learning_pace: times the steps of a run that learns codes, so that it takes as long as one that does not.
+        learning: further settings of runs that learn codes.
+    """
+
+    label: str
+    decoder: Settings
+    training: Settings = {}
+    pace: float = Field(default=1.0, gt=0)
+    learning_pace: float = Field(default=1.0, gt=0)
+    learning: Settings = {}
+
+
+class TrainStage(Strict):
+    """How networks are trained.
+
+    Args:
+        steps: of a training.
+        least_steps: of any training.
+        validations: in a run.
+        repeat: how often the scenes of the study are among those that are learned from.
+        rendered: whether the rendered training scenes are among them.
+        settings: of all runs.
+    """
+
+    steps: int = Field(default=400, ge=1)
+    least_steps: int = Field(default=1, ge=1)
+    validations: int = Field(default=4, ge=1)
+    repeat: int = Field(default=1, ge=1)
+    rendered: bool = True
+    settings: Settings = {}
+
+
+class Motion(Strict):
+    """How the scenes of a study move within the exposure, in directions that are drawn.
+
+    Args:
+        pixels: from its beginning to its end; 0 for scenes at rest, compared frame by frame likewise.
+        frames: of equal length, in each of which estimates are compared with the scene of that time.
+        whole: whether all of a scene moves; else the disc in its middle, before the rest.
+    """
+
+    pixels: float = Field(ge=0, le=1000)
+    frames: int = Field(default=4, ge=1, le=1024)
+    whole: bool = True
+
+
+class PublishedRow(Strict):
+    """A row of a published table, and what stands for it in a study.
+
+    Args:
+        values: name of a metric → value.
+        code, decoders: of the study.
+        part: whether decoders in parts of scenes stand for it.
+    """
+
+    values: dict[str, float]
+    code: str = ""
+    decoders: tuple[str, ...] = ()
+    part: bool = False
+
+
+class PublishedTable(Strict):
+    """A table that a study's rows are put beside, those without noise on the scenes that the study names.
+
+    Args:
+        title: of the section.
+        about: its paragraph.
+        rows: by their names.
+    """
+
+    title: str
+    about: str
+    rows: dict[str, PublishedRow]
