@@ -15,7 +15,7 @@ from pydantic import Field
 
 from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.cameras import CodedCamera, LightFieldCamera, SpectralCamera
-from tmca.codes import read_codes, write_codes
+from tmca.codes import BURST, read_codes, write_codes
 from tmca.design.expected_error import TileMse, design_model
 from tmca.design.kinds import designable
 from tmca.design.search import Design, Effort, decibels, search
@@ -26,6 +26,8 @@ from tmca.sensor import Noise, Sensor
 
 _STATIC = 7
 """Searches of which free codes of eight slots are the last."""
+_LEAST = {"free": ("static", 1), "two-bucket": (BURST, 2)}
+"""What codes of the fewest slots contain, by their kind."""
 
 
 @dataclass
@@ -147,10 +149,11 @@ class Task:
 
 def _contained(kind: str, slots: int) -> list[tuple[str, int]]:
     """Kinds and slots of the designs that codes contain and start from, the freest of fewer slots among them."""
-    fewer = [(kind, slots // 2)] if slots % 2 == 0 and slots > 2 else []
-    if kind == "two-bucket":
-        return fewer or ([("burst", 2)] if slots == 2 else [])
-    return [*(fewer or [("static", 1)]), ("one-hot", slots)] if kind == "free" else []
+    if kind not in _LEAST:
+        return []
+    fewer = (kind, slots // 2) if slots % 2 == 0 and slots > 2 else _LEAST[kind]
+    starts = [fewer] if slots % fewer[1] == 0 else []
+    return [*starts, ("one-hot", slots)] if kind == "free" else starts
 
 
 def camera_arguments(bands: Sequence[float], views: Sequence[int] | None) -> dict[str, Any]:
