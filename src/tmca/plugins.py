@@ -14,8 +14,9 @@ from warnings import warn
 from tmca.errors import SettingError
 
 Class = type[Any]
-_REFUSED: list[dict[Class, SettingError]] = []
-"""Classes that were refused, and why, while entry points are loaded; the innermost group last."""
+_REFUSED: list[dict[Class, str]] = []
+"""Classes that were refused while entry points are loaded, and what is said of them; the innermost group last."""
+_LEFT_OUT = "of another package, left out:"
 
 
 class BrokenPlugin(UserWarning):
@@ -31,14 +32,14 @@ def load_plugins(group: str, registered: Callable[[], Collection[Class]], wanted
         registered: the classes that there are.
         wanted: what an entry point has to name.
     """
-    what, refused = group.removeprefix("tmca.").removesuffix("s"), dict[Class, SettingError]()
+    what, refused = group.removeprefix("tmca.").removesuffix("s"), dict[Class, str]()
     _REFUSED.append(refused)
     try:
         reasons = [_trouble(point, registered, refused, wanted) for point in entry_points(group=group)]
     finally:
         _REFUSED.pop()
-    for reason in (*filter(None, reasons), *refused.values()):
-        warn(f"{what} of another package, left out: {reason}", BrokenPlugin, stacklevel=2)
+    for said in (*(f"{what} {_LEFT_OUT} {reason}" for reason in reasons if reason), *refused.values()):
+        warn(said, BrokenPlugin, stacklevel=2)
 
 
 def _trouble(
@@ -59,8 +60,8 @@ def _trouble(
     return "" if brings else f"{said} registers nothing; name {wanted}"
 
 
-def take(cls: Class, register: Callable[[Class], None]) -> None:
-    """Register a class as it is defined. One that is refused does not keep the others of its module out while entry
+def take(cls: Class, register: Callable[[Class], None], what: str) -> None:
+    """Register a class, a decoder or ``what`` it is, as it is defined. One that is refused does not keep the others of its module out while entry
     points are loaded: it is warned of afterwards.
 
     Raises:
@@ -71,7 +72,7 @@ def take(cls: Class, register: Callable[[Class], None]) -> None:
     except SettingError as error:
         if not _REFUSED:
             raise
-        _REFUSED[-1][cls] = error
+        _REFUSED[-1][cls] = f"{what} {_LEFT_OUT} {error}"
 
 
 def source_digest(place: Path) -> str:

@@ -116,12 +116,14 @@ def test_cells_of_a_decoder_that_was_edited_are_computed_again(plugin, tmp_path)
 def test_a_class_that_is_refused_keeps_no_other_of_its_module_out(tmp_path, monkeypatch):
     nameless = "\n\nclass Nameless(Decoder):\n    def reconstruct(self, prepared, values, progress):\n        pass\n"
     taken = PACKAGE.replace("Backprojection", "Taken").replace('"backprojection"', '"lmmse"')
-    install(tmp_path, monkeypatch, "tmca.decoders", "three_classes", taken + nameless + PACKAGE,
+    prior = "\n\nfrom tmca.priors import Prior\nclass Doubled(Prior):\n    kind = 'gaussian'\n"
+    install(tmp_path, monkeypatch, "tmca.decoders", "three_classes", taken + nameless + prior + PACKAGE,
             ("Nameless", "Taken", "Backprojection"))  # fmt: skip
     with pytest.warns(BrokenPlugin) as warned:
         assert decoders_for("spectral")["backprojection"].__module__ == "three_classes"
-    assert [str(one.message).partition("left out: ")[2].split()[0] for one in warned] == [
-        "nameless", "three_classes.Taken.name:",
+    said = [str(one.message).partition(" of another package, left out: ") for one in warned]
+    assert [(what, reason.split()[0]) for what, _, reason in said] == [
+        ("decoder", "nameless"), ("decoder", "three_classes.Taken.name:"), ("prior", "three_classes.Doubled.kind:"),
     ]  # fmt: skip
     DECODERS.pop("backprojection")
     sys.modules.pop("three_classes")

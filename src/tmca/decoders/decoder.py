@@ -190,7 +190,7 @@ class Decoder(ABC):
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
         if "name" in vars(cls):
-            take(cls, register)
+            take(cls, register, "decoder")
 
     @abstractmethod
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Tensor | Raw:

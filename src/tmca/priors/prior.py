@@ -55,7 +55,7 @@ class Prior(ABC):
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
         if "kind" in vars(cls):  # a subclass without one is of its parent's
-            take(cls, _register)
+            take(cls, _register, "prior")
 
     @property
     @abstractmethod
