@@ -98,6 +98,7 @@ def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
         ({"decoder_pairs": [["lmmse", "magic"]]}, "decoder_pairs"),
         ({"codes": {"a": {"dead_time": 0.004}}}, "codes.a.dead_time"),
         ({"camera": "spectral-depth", "reading": {}, "codes": {"a": {"dead_time": 0.1}}}, "codes.a.dead_time"),
+        ({"codes": {"a": {"dead_time": 0.1, "learn": {"what": "both", "networks": {}}}}}, "codes.a.dead_time"),
     ],
 )
 def test_what_is_no_study_is_named(tmp_path, changes, where):

@@ -100,8 +100,7 @@ class Study(BaseModel):
         """Names point to what is there."""
         application_of(self.camera)
         for name, code in self.codes.items():
-            if code.dead_time and not issubclass(CAMERAS[self.camera], CodedCamera):
-                raise SettingError(f"codes.{name}.dead_time", "some", f"none of a {self.camera} camera")
+            self._dead_time(name, code)
             if code.search and code.search.noise is not None:
                 check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
             if code.learn and code.learn.start is not None:
@@ -120,6 +119,15 @@ class Study(BaseModel):
                 raise SettingError(where, error.found, error.expected, error.remedy) from None
         object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
+
+    def _dead_time(self, name: str, code: Code) -> None:
+        """Raises SettingError where the camera has none, or a network would learn without it."""
+        where = f"codes.{name}.dead_time"
+        if code.dead_time and not issubclass(CAMERAS[self.camera], CodedCamera):
+            raise SettingError(where, "some", f"none of a {self.camera} camera")
+        trained = code.train and any(decoder in self.networks for decoder in self.decoders)
+        if code.dead_time and (code.learn or trained):
+            raise SettingError(where, "some", "none where a network learns, which knows no dead time", "or train: false")
 
     @property
     def evaluation(self) -> CameraEvaluation:
