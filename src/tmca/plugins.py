@@ -61,8 +61,8 @@ def _trouble(
 
 
 def take(cls: Class, register: Callable[[Class], None], what: str) -> None:
-    """Register a class, a decoder or ``what`` it is, as it is defined. One that is refused does not keep the others of its module out while entry
-    points are loaded: it is warned of afterwards.
+    """Register a class, ``what`` ("decoder", …), as it is defined. One that is refused does not keep the others of its
+    module out while entry points are loaded: it is warned of afterwards.
 
     Raises:
         SettingError: what the registry refuses, at any other time.

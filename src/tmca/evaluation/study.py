@@ -127,7 +127,7 @@ class Study(BaseModel):
             raise SettingError(where, "some", f"none of a {self.camera} camera")
         trained = code.train and any(decoder in self.networks for decoder in self.decoders)
         if code.dead_time and (code.learn or trained):
-            raise SettingError(where, "some", "none where a network learns, which knows no dead time", "or train: false")
+            raise SettingError(where, "some", "none where a network learns without it", "or train: false")
 
     @property
     def evaluation(self) -> CameraEvaluation:
