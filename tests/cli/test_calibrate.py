@@ -37,6 +37,7 @@ def step(capsys, name, *more):
     return answer(capsys, "calibrate", name, *more)
 
 
+@pytest.mark.slow
 def test_from_captures_to_a_reconstruction(capsys, bench):
     truth = json.loads((bench / "truth.json").read_text())
     step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
@@ -121,6 +122,7 @@ def test_calibrations_of_other_cameras_or_before_the_codes_are_refused(capsys, b
     assert "no such calibration" in refused(capsys, *how, "nothing")
 
 
+@pytest.mark.slow
 def test_views_and_points_are_measured_too(capsys, tmp_path):
     for camera, size in (("light-field", "32x36"), ("spectral-depth", "40x41")):
         said(capsys, "calibrate", "render", camera, "--camera", camera, "--size", size, "--slots", "2")

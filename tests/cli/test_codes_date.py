@@ -63,6 +63,7 @@ def test_a_calibration_older_than_the_codes_is_refused_from_simulation_to_captur
     assert (calibrations / "found.nc").exists()
 
 
+@pytest.mark.slow
 def test_codes_from_files_are_as_old_as_these(capsys, calibrations):
     generator = torch.Generator().manual_seed(0)
     planes = [torch.randint(2, (2, *size), generator=generator).float() for size in (SIZE, SENSOR)]

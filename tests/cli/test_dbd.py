@@ -69,6 +69,7 @@ def test_a_page_that_could_not_be_kept_is_not_begun(capsys, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["dbd_cost.png"]
 
 
+@pytest.mark.slow
 def test_a_scene_is_told_in_metres_with_bounds(capsys, tmp_path):
     (tmp_path / "mine.yaml").write_text(
         "targets: [{range_m: 0, velocity_m_s: 10, gain: 0.8+0.2j, angle_deg: 30}]\n"

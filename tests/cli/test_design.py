@@ -53,6 +53,7 @@ def refused(capsys, *arguments):
     return refusals.refused(capsys, "design", "spectral", *arguments, lines=None)
 
 
+@pytest.mark.slow
 def test_the_page_names_codes_that_were_left_out(capsys):
     left_out = "cannot let through 90% of the light: one-hot, K = 2."
     how = ("--kinds", "one-hot", "--throughput", "0.9", "--out", "d")
@@ -116,6 +117,7 @@ def test_a_design_leaves_codes_that_can_be_taken_along(capsys):
     assert "earlier results" in refused(capsys, *SMALL, "--out", "d")
 
 
+@pytest.mark.slow
 def test_codes_of_a_light_field_camera_are_designed_and_taken_along(capsys):
     small = ["--views", "3", "--slots", "2", "--period", "6", "--kinds", "free", "--read-noise", "0.02"]
     found = answer(capsys, "design", "light-field", "rocket.nc", "retina.nc", *small, "--out", "d")
@@ -130,7 +132,8 @@ def test_codes_of_a_light_field_camera_are_designed_and_taken_along(capsys):
         np.testing.assert_array_equal(taken["aperture"][:, :6, :6], codes["aperture"])
 
 
-@pytest.mark.parametrize("camera", ["spectral", pytest.param("light-field", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", ["spectral", "light-field"])
 def test_codes_of_two_buckets_are_designed_and_taken_along(camera, capsys):
     scenes, own = (["coffee.nc", "tissue.nc"], ["--bands", "4"])
     if camera == "light-field":
@@ -205,6 +208,7 @@ def test_masks_for_two_buckets_are_refused(capsys):
     assert not Path("d").exists()
 
 
+@pytest.mark.slow
 def test_dimmed_scenes_see_more_noise(capsys):
     common = ("--kinds", "one-hot, one-hot", "--read-noise", "0.01", "--out")
     bright, dim = design(capsys, *common, "bright"), design(capsys, *common, "dim", "--light", "0.02")

@@ -33,6 +33,7 @@ def prior(tmp_path_factory):
     return learned.save(tmp_path_factory.mktemp("prior") / "prior.nc")
 
 
+@pytest.mark.slow
 def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     own = ["--slots", "2", "--stroke", "4e-7", "--aperture", "1.5e-3", "--filters", "gaussian", "--channels", "rgb"]
     found = answer(capsys, "design", "spectral-depth", "--prior", prior, *words(starts=1, steps=3), *own, "--out", "d")

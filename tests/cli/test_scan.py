@@ -30,6 +30,7 @@ def table(bench, tmp_path):
     return tmp_path / "table"
 
 
+@pytest.mark.slow
 def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
     outputs = ("--out", "depth.nc", "--figure", "depth.png", "--truth", "table/truth.nc", "--json")
     depth = ("scan", "depth", "table/captures", *PLAN, *outputs)

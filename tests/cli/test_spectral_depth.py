@@ -128,6 +128,7 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     assert "--window: found 12" in refused(capsys, "reconstruct", "coffee_snapshot.nc", "--window", "12")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # a narrow window is a fast one
 def test_codes_of_a_large_tile_are_decoded_in_windows_that_hold_it(capsys, tmp_path):
     own = ("--period", "16", "--channels", "monochrome", "--planes", "2", "--psf-window", "11", "--no-figures")

@@ -39,6 +39,7 @@ def arguments(*more, train="learned.nc", validation="checked.nc", start=()):
     return ["train", "spectral-depth", "--preset", "quick", "--out", "run", "--steps", "2", *lists, *settings, *more]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default::tmca.decoders.nets.weights.OtherCodes")
 @pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks that learn this fast are rough
 @pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")

@@ -55,7 +55,7 @@ def test_a_gaussian_prior_leads_to_the_closed_form_estimate(sigma: float | tuple
     assert torch.allclose(result.estimate.flatten(1), closed, atol=1e-5)
 
 
-@pytest.mark.parametrize("joint", [False, True])
+@pytest.mark.parametrize("joint", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_variation_plugged_in_leads_to_the_solution_of_admm_tv(joint: bool) -> None:
     camera = coded_camera(SHAPE)
     snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)

@@ -116,6 +116,7 @@ def test_light_fields_are_swept_with_named_codes(tmp_path):
     assert "Light-field camera" in (tmp_path / "out.md").read_text()
 
 
+@pytest.mark.slow
 def test_codes_are_searched_for_every_combination(tmp_path):
     effort = {"descents": 1, "steps": 20, "flips": 100}
     found = light_fields(tmp_path, {"noise": [0.0, 1.0]}, fixed={"slots": 2, "design": "one-hot"}, effort=effort)

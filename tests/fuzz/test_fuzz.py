@@ -7,7 +7,7 @@
 import subprocess
 import sys
 
-MUTATIONS = 100
+MUTATIONS = 60
 
 
 def _fuzz(*arguments):
