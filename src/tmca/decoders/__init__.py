@@ -9,9 +9,7 @@ from tmca.decoders.decoder import (
     Prepared,
     Raw,
     decode,
-    decoders_for,
     make_decoder,
-    usual_decoder,
 )
 from tmca.decoders.dictionary import DictionaryEstimator
 from tmca.decoders.least_squares import Result, tikhonov
@@ -28,7 +26,7 @@ from tmca.decoders.pnp import (
     subspace_denoiser,
     tv_denoiser,
 )
-from tmca.decoders.registry import DECODERS, decoders
+from tmca.decoders.registry import DECODERS, decoders, decoders_for, usual_decoder
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox

@@ -22,9 +22,9 @@ import torch
 from torch import Tensor
 
 from tmca.arguments import checked_settings, described, settings_of
-from tmca.cameras import CAMERAS, Camera, Snapshot
+from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import check_parts, decoders, register
+from tmca.decoders.registry import check_parts, decoders, decoders_for, decodes, register, usual_decoder
 from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
 from tmca.plugins import take
 from tmca.priors import Prior, find_prior
@@ -37,7 +37,6 @@ Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
 PLANES = "depth_planes"
 """Attribute of an estimate with depth, JSON: nearest and farthest plane in metres, and their number."""
-_USUAL = ("lmmse", "likelihood")
 
 
 def part_of(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
@@ -206,6 +205,10 @@ class Decoder(ABC):
         """What depends on camera, noise and prior alone, computed once for all snapshots; the camera itself."""
         return camera
 
+    def precompute(self, prepared: Any) -> Any:
+        """What ``setup`` returned, with what pays only where several snapshots follow; the same."""
+        return prepared
+
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
         """The prior of ``setup``: given, a file's, or the rendered scenes'."""
         if self.prior_kind is not None:
@@ -221,7 +224,7 @@ class Decoder(ABC):
     def prepare(
         self, camera: Any, prior: str | Path | Prior | None = None, progress: Progress | None = None
     ) -> Prepared:
-        """The decoder made ready for the snapshots of a camera.
+        """The decoder made ready for many snapshots of a camera.
 
         Args:
             camera: with its codes and sensor.
@@ -231,8 +234,17 @@ class Decoder(ABC):
         Raises:
             SettingError, ShapeError, DataError: a camera that it does not decode, a setting of another type, or a
                 prior that does not fit.
+
+        >>> import torch, tmca.cameras
+        >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
+        >>> prepared = make_decoder("dagger", "spectral").prepare(camera)
+        >>> [tuple(estimate.values.shape) for estimate in prepared.stream(torch.rand(2, 1, 8, 10))]
+        [(1, 3, 8, 8), (1, 3, 8, 8)]
         """
-        if not _decodes(type(self), camera.kind):
+        return self._prepare(camera, prior, progress, many=True)
+
+    def _prepare(self, camera: Any, prior: Any, progress: Progress | None, *, many: bool) -> Prepared:
+        if not decodes(type(self), camera.kind):
             wanted = f"one of {', '.join(decoders_for(camera.kind))}"
             raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
         decoder = self._checked()
@@ -240,6 +252,8 @@ class Decoder(ABC):
         start = time.perf_counter()
         with torch.no_grad():
             state = decoder.setup(camera, chosen)
+            if many:
+                state = decoder.precompute(state)
         return Prepared(decoder, camera, state, time.perf_counter() - start)
 
     def _checked(self) -> Decoder:
@@ -254,7 +268,7 @@ class Decoder(ABC):
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
     ) -> Estimate:
         """Decode a snapshot; arguments as in `prepare`. ``seconds`` of the estimate are those of both steps."""
-        prepared = self.prepare(snapshot.camera, prior, progress)
+        prepared = self._prepare(snapshot.camera, prior, progress, many=False)
         estimate = prepared(snapshot, progress)
         estimate.seconds += prepared.seconds
         return estimate
@@ -296,6 +310,12 @@ class Prepared:
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         seconds = time.perf_counter() - start
         return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
+
+    def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:
+        """Decode frames one after the other, as they come: snapshots of the camera, or values (R, H, W') or (1, R, H,
+        W'); errors as of a call."""
+        for frame in frames:
+            yield self(frame[None] if isinstance(frame, Tensor) and frame.ndim == 3 else frame)
 
     def _check_camera(self, camera: Any) -> None:
         """Raises SettingError unless a camera has the codes and the optics of the one that is prepared for."""
@@ -376,19 +396,3 @@ def make_decoder(
         if setting.default is MISSING and setting.name not in checked:
             raise SettingError(setting.name, "nothing", f"a {setting.type}: {cls.name} has no default of it")
     return decoder(**checked)
-
-
-def usual_decoder(kind: str) -> str:
-    """Name of the decoder that a kind of camera has where none is asked for."""
-    choices = decoders_for(kind)
-    return next((name for name in (*_USUAL, *choices) if name in choices), _USUAL[0])
-
-
-def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
-    """Decoders of a kind of camera by name: of still scenes, of ``moving`` ones, or with None of both."""
-    return {name: cls for name, cls in decoders().items() if _decodes(cls, kind) and moving in (None, cls.moving)}
-
-
-def _decodes(decoder: type[Decoder], kind: str) -> bool:
-    """Whether a decoder names a kind of camera, or such a camera the decoder."""
-    return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from tmca.decoders.bank import Bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import check_range, check_shape
 from tmca.operators.blocks import BlockGrid, BlockModel
@@ -80,10 +81,22 @@ class PatchEstimator:
         )
         self.layout = BlockLayout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
         self.window = self.layout.window(self.solver)
+        self.bank: Bank | None = None
+
+    def precompute(self) -> PatchEstimator:
+        """Compute what all snapshots have in common, where codes repeat themselves and the prior is one Gaussian: the
+        next ones take a tenth of the time, and are the same to rounding."""
+        layout = self.layout
+        if isinstance(self.solver, GaussianSolver) and Bank.fits(layout.grid.model, layout.groups, self.solver.dtype):
+            self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, self.solver)
+        return self
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
+        if self.bank is not None:
+            estimate = self.bank.estimate(snapshot)
+            return Blended(estimate, self.bank.deviation.expand_as(estimate) if uncertainty else None)
         blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
@@ -238,6 +251,9 @@ class LMMSE(Decoder):
 
     def setup(self, camera: Any, prior: Any) -> Any:
         return PatchEstimator(prior, camera.taps(), camera.noise)
+
+    def precompute(self, prepared: Any) -> Any:
+        return prepared.precompute()
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         blended = prepared(values, uncertainty=self.uncertainty, progress=progress)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 DECODERS: dict[str, Any] = {}
 """Every decoder class by its name; `tmca.decoders.decoders` also has those of plug-ins."""
+_USUAL = ("lmmse", "likelihood")
 
 
 def decoders() -> Mapping[str, type[Decoder]]:
@@ -37,6 +38,22 @@ def decoders() -> Mapping[str, type[Decoder]]:
 
 def _registered() -> Collection[type[Decoder]]:
     return DECODERS.values()
+
+
+def usual_decoder(kind: str) -> str:
+    """Name of the decoder that a kind of camera has where none is asked for."""
+    choices = decoders_for(kind)
+    return next((name for name in (*_USUAL, *choices) if name in choices), _USUAL[0])
+
+
+def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decoder]]:
+    """Decoders of a kind of camera by name: of still scenes, of ``moving`` ones, or with None of both."""
+    return {name: cls for name, cls in decoders().items() if decodes(cls, kind) and moving in (None, cls.moving)}
+
+
+def decodes(decoder: type[Decoder], kind: str) -> bool:
+    """Whether a decoder names a kind of camera, or such a camera the decoder."""
+    return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
 
 
 def register(decoder: Any) -> None:

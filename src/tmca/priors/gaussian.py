@@ -197,6 +197,15 @@ class BlockPosterior:
         solved = torch.cholesky_solve((measured - expected).double().mT, factor).to(cross.dtype)
         return self.solver.mean + solved.mT @ cross
 
+    def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Of one block: the matrix (m, n), float64, that measurements are multiplied by, the estimate (n,) where they
+        are zero, and the variance (n,) of its error."""
+        cross, factor, expected = self._blocks[block]
+        gain = torch.cholesky_solve(cross.double(), factor)
+        explained = (cross * gain).sum(0).to(cross.dtype)
+        dark = self.solver.mean - (expected.double() @ gain).to(cross.dtype)
+        return gain, dark, (self.solver.variance - explained).clamp(min=0)
+
     @cached_property
     def _blocks(self) -> list[tuple[Tensor, Tensor, Tensor]]:
         """Cross covariance, factor and expected measurements of every block; unbound at once, as the derivative of an

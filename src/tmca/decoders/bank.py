@@ -1,0 +1,195 @@
+"""The patch LMMSE of codes that repeat themselves, with the blend multiplied out: a next frame is a product for a cell.
+
+A cell is as large as the step from block to block. What the blocks over it say of it, weighted and blended, is one
+matrix from the measurements around it, the same for all cells that see equal parts of the code. Neither what the
+prior's mean adds nor the deviation depends on the frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import prod
+
+import torch
+from torch import Tensor
+
+from tmca.operators.blocks import BlockGrid, BlockModel
+from tmca.priors.gaussian import GaussianSolver
+
+MOST_BYTES = 2**30
+"""Of the matrices of all blocks; codes that need more are solved anew for every frame."""
+
+
+@dataclass(frozen=True)
+class BlockMatrices:
+    """What equal blocks make of their measurements.
+
+    Args:
+        gain: (R, h, columns, L, h, w) that measurements are multiplied by, weighted for the blend.
+        dark: (L, h, w) estimate where measurements are zero, weighted.
+        variance: (L, h, w) of the error, weighted in the valid columns and zero outside.
+    """
+
+    gain: Tensor
+    dark: Tensor
+    variance: Tensor
+
+    @classmethod
+    def of(cls, solver: GaussianSolver, windows: Tensor, weights: Tensor, valid: Tensor) -> BlockMatrices:
+        """Those of blocks under code windows (1, taps, h, w)."""
+        model = solver.model
+        sides = (model.buckets, model.block[1], model.columns, *model.block)
+        gain, dark, variance = solver.posterior(windows).linear(0)
+        weighted = (gain.to(solver.dtype) * weights.flatten()).reshape(sides)
+        return cls(weighted, weights * dark.reshape(model.block), valid * variance.reshape(model.block))
+
+
+@dataclass(frozen=True)
+class EqualCells:
+    """Equal cells of a frame.
+
+    Args:
+        pixels: (P, height·width) flat indices of the pixels of each.
+        down, across: (P,) first row and column of its measurements in the padded snapshot.
+        box: numbers of rows and columns of these.
+        matrix: (R·rows·columns, L·height·width) from the measurements to the estimate.
+        offset, deviation: (L, height, width) estimate where all measurements are zero, and what it may be wrong by.
+    """
+
+    pixels: Tensor
+    down: Tensor
+    across: Tensor
+    box: tuple[int, int]
+    matrix: Tensor
+    offset: Tensor
+    deviation: Tensor
+
+
+Places = Sequence[tuple[int, int]]
+"""(top, left) of blocks or cells."""
+Covering = tuple[tuple[int, int, int], ...]
+"""The blocks over a cell: (top, left) from its corner, and the group that they belong to."""
+
+
+@dataclass(frozen=True)
+class Bank:
+    """The cells of a frame.
+
+    Args:
+        grid: where blocks lie.
+        cells: that cover the frame.
+        deviation: (1, L, H, W) predicted standard deviation.
+    """
+
+    grid: BlockGrid
+    cells: list[EqualCells]
+    deviation: Tensor
+
+    @classmethod
+    def of(
+        cls, grid: BlockGrid, code: Tensor, groups: Sequence[Places], window: Tensor, solver: GaussianSolver
+    ) -> Bank:
+        """The bank of a prior, a camera and its noise, as ``solver`` has them.
+
+        Args:
+            grid, code, groups: see `tmca.decoders.lmmse.BlockLayout`.
+            window: (L, h, w) weights of the places in a block.
+        """
+        weights = window.to(solver.dtype)
+        valid, (first, last) = torch.zeros_like(weights), grid.model.valid
+        valid[..., first:last] = weights[..., first:last]
+        blocks = [BlockMatrices.of(solver, grid.code_windows(code, [places[0]]), weights, valid) for places in groups]
+        cells = [
+            _cell(grid, corners, covering, sides, blocks, (weights, valid))
+            for (covering, sides), corners in _classes(grid, groups).items()
+        ]
+        deviations = [cell.deviation.expand(1, len(cell.pixels), -1, -1, -1) for cell in cells]
+        return cls(grid, cells, _laid(cells, deviations, grid.frame))
+
+    @classmethod
+    def fits(cls, model: BlockModel, groups: Sequence[Places], dtype: torch.dtype) -> bool:
+        """Whether the matrices of the blocks take no more than ``MOST_BYTES``."""
+        return len(groups) * model.measurements * prod(model.block) * dtype.itemsize <= MOST_BYTES
+
+    def estimate(self, snapshot: Tensor) -> Tensor:
+        """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
+        padded = self.grid.pad_snapshot(snapshot.to(self.deviation.dtype))
+        values = []
+        for cell in self.cells:
+            seen = padded.unfold(2, cell.box[0], 1).unfold(3, cell.box[1], 1)[:, :, cell.down, cell.across]
+            product = seen.transpose(1, 2).flatten(2) @ cell.matrix
+            values.append(product.unflatten(-1, cell.offset.shape).add_(cell.offset))
+        return _laid(self.cells, values, self.grid.frame)
+
+
+def _classes(
+    grid: BlockGrid, groups: Sequence[Places]
+) -> dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]]:
+    """Corners of cells by the blocks over them and their (height, width)."""
+    (height, width), (_, h, w) = grid.frame, grid.model.block
+    group_of = {place: group for group, places in enumerate(groups) for place in places}
+    down, across = (_step(starts) for starts in (grid.tops, grid.lefts))
+    classes: dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]] = {}
+    for top in range(0, height, down or height):
+        for left in range(0, width, across or width):
+            sides = (min(down or height, height - top), min(across or width, width - left))
+            over = tuple(
+                (y - top, x - left, group_of[y, x])
+                for y in grid.tops if y - sides[0] < top < y + h
+                for x in grid.lefts if x - sides[1] < left < x + w
+            )  # fmt: skip
+            classes.setdefault((over, sides), []).append((top, left))
+    return classes
+
+
+def _step(starts: Sequence[int]) -> int:
+    """From block to block; 0 of one alone."""
+    return starts[1] - starts[0] if len(starts) > 1 else 0
+
+
+def _cell(
+    grid: BlockGrid, corners: Places, covering: Covering, sides: tuple[int, int], blocks: Sequence[BlockMatrices],
+    weights: tuple[Tensor, Tensor],
+) -> EqualCells:  # fmt: skip
+    """What the blocks over a cell say of it; ``weights`` (L, h, w) of a block, and of its valid columns."""
+    buckets, h, columns = blocks[0].gain.shape[:3]
+    top, left = min(y for y, _, _ in covering), min(x for _, x, _ in covering)
+    rows, across = max(y for y, _, _ in covering) - top + h, max(x for _, x, _ in covering) - left + columns
+    channels = len(weights[0])
+    matrix = weights[0].new_zeros(buckets, rows, across, channels, *sides)
+    dark, variance, weight, valid = weights[0].new_zeros(4, channels, *sides)
+    for y, x, group in covering:
+        block, (there, here) = blocks[group], _overlap((y, x), sides, weights[0].shape[1:])
+        matrix[:, y - top : y - top + h, x - left : x - left + columns][(..., *there)] += block.gain[(..., *here)]
+        parts = (block.dark, block.variance, *weights)
+        for total, one in zip((dark, variance, weight, valid), parts, strict=True):
+            total[(..., *there)] += one[(..., *here)]
+    matrix /= weight
+    first = left + grid.padding[0] + grid.model.origin + grid.model.span
+    (height, width), device = sides, matrix.device
+    inside = torch.arange(height)[:, None] * grid.frame[1] + torch.arange(width)
+    places = torch.tensor(corners)
+    pixels = (places[:, 0] * grid.frame[1] + places[:, 1])[:, None] + inside.flatten()
+    return EqualCells(
+        pixels.to(device), (places[:, 0] + top).to(device), (places[:, 1] + first).to(device), (rows, across),
+        matrix.flatten(3).flatten(0, 2), dark / weight, (variance / valid).sqrt(),
+    )  # fmt: skip
+
+
+def _overlap(
+    corner: tuple[int, int], sides: tuple[int, int], block: Sequence[int]
+) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Where a block whose corner lies so from a cell's overlaps it: rows and columns of the cell, of the block."""
+    there = [slice(max(0, at), min(side, at + own)) for at, side, own in zip(corner, sides, block, strict=True)]
+    here = [slice(one.start - at, one.stop - at) for one, at in zip(there, corner, strict=True)]
+    return (there[0], there[1]), (here[0], here[1])
+
+
+def _laid(cells: Sequence[EqualCells], values: Sequence[Tensor], frame: tuple[int, int]) -> Tensor:
+    """(B, L, H, W) frames of what cells hold at their P places, (B, P, L, height, width)."""
+    batch, _, channels = values[0].shape[:3]
+    whole = values[0].new_empty(batch, channels, *frame)
+    for cell, one in zip(cells, values, strict=True):
+        whole.flatten(2)[:, :, cell.pixels.flatten()] = one.transpose(1, 2).flatten(2)
+    return whole
