@@ -93,7 +93,11 @@ class Snapshot(Generic[Kind]):
         """
         from tmca.data import read_dataset
 
-        dataset = read_dataset(path)
+        return cls.from_dataset(read_dataset(path), path)
+
+    @classmethod
+    def from_dataset(cls, dataset: xr.Dataset, path: str | Path) -> Snapshot[Any]:
+        """The snapshot in the contents of a file; errors as of ``load``."""
         kind = attributes_of(_SnapshotAttributes, dataset.attrs, path).camera
         if kind not in CAMERAS:
             load_cameras()

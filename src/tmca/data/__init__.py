@@ -8,6 +8,7 @@ from tmca.data.describe import describe, view_shifts
 from tmca.data.files import (
     content_digest,
     plain,
+    read_attributes,
     read_dataset,
     tiff_bytes,
     write_dataset,
@@ -75,6 +76,7 @@ __all__ = [
     "plain",
     "read",
     "read_array",
+    "read_attributes",
     "read_dataset",
     "read_depth_map",
     "read_disparity",

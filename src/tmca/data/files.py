@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tmca.arguments import checked
 from tmca.data.atomic import atomic_path
-from tmca.data.formats.arrays import LABELLED, open_groups, open_labelled
+from tmca.data.formats.arrays import LABELLED, labelled_attributes, open_groups, open_labelled
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
@@ -155,17 +155,27 @@ def read_dataset(path: str | Path, required: Iterable[str] = ()) -> xarray.Datas
         SettingError: no path.
         DataError: missing, not such a file, cut short, or without a required variable.
     """
-    path = Path(path)
-    if not path.exists():
-        raise DataError(path, "no such file", "an existing one", "check the path")
-    if path.suffix.lower() not in SUFFIXES:
-        raise DataError(path, f"the suffix {path.suffix!r}", f"a labelled file ({' '.join(SUFFIXES[:3])})")
+    path = _labelled_file(path)
     with open_labelled(path) as dataset:
         missing = [name for name in required if name not in dataset.variables]
         if missing:
             there = ", ".join(str(name) for name in dataset.variables) or "none"
             raise DataError(path, f"no variable {', '.join(missing)}", f"it beside those there ({there})")
         return _loaded(path, dataset, LABELLED)
+
+
+def read_attributes(path: str | Path) -> dict[str, Any]:
+    """Attributes of a NetCDF or Zarr file; errors as of `read_dataset`."""
+    return labelled_attributes(_labelled_file(path))
+
+
+def _labelled_file(path: str | Path) -> Path:
+    path = Path(path)
+    if not path.exists():
+        raise DataError(path, "no such file", "an existing one", "check the path")
+    if path.suffix.lower() not in SUFFIXES:
+        raise DataError(path, f"the suffix {path.suffix!r}", f"a labelled file ({' '.join(SUFFIXES[:3])})")
+    return path
 
 
 def read_groups(path: str | Path, kind: str) -> dict[str, xarray.Dataset]:

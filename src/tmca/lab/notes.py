@@ -60,9 +60,9 @@ def date_of_codes(files: Iterable[str | Path]) -> str | None:
 
 
 def _date_of(path: Path) -> datetime:
-    from tmca.data import read_dataset
+    from tmca.data import read_attributes
 
-    if path.suffix.lower() in _LABELLED and CODES_DATE in (attributes := read_dataset(path).attrs):
+    if path.suffix.lower() in _LABELLED and CODES_DATE in (attributes := read_attributes(path)):
         return parsed_date(attributes[CODES_DATE], f"{path}: {CODES_DATE}")
     file = path / "weights.safetensors" if (path / "weights.safetensors").is_file() else path
     if not file.exists():

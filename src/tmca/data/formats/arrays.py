@@ -149,6 +149,15 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         yield opened.enter_context(dataset)
 
 
+def labelled_attributes(path: Path) -> dict[str, Any]:
+    """Attributes of such a file, without a look at its variables where it is HDF5; errors as of `open_labelled`."""
+    if path.is_dir() or _is_classic(path):
+        with open_labelled(path) as dataset:
+            return {str(name): value for name, value in dataset.attrs.items()}
+    with open_h5(path) as file:
+        return attrs_of(path, file)
+
+
 def _store(path: Path, file: h5py.File) -> xarray.backends.H5NetCDFStore:
     """What xarray reads an HDF5 file through that was opened and looked at already."""
     import h5netcdf

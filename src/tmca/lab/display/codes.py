@@ -141,7 +141,7 @@ def _of_file(path: Path) -> Planes:
 
     stored = read_dataset(path)
     if "snapshot" in stored:
-        return planes_of(Snapshot.load(path).camera, str(path))
+        return planes_of(Snapshot.from_dataset(stored, path).camera, str(path))
     if "heights" in stored:
         described = read_phase_codes(path)
         planes = {"heights": described["mask"]().detach(), "shutter": described["shutter"]}
