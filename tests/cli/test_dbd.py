@@ -21,6 +21,7 @@ def test_simulated_samples_are_solved_and_drawn(capsys, tmp_path):
     assert (tmp_path / "overlaid.recovery.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_json_has_the_same(capsys):
     main(["dbd", "simulate", *SMALL, "--messages", "block", "--snr", "25"])
     told = answer(capsys, "dbd", "solve", "overlaid.nc", "--unknown-noise")

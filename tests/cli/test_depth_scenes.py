@@ -29,7 +29,7 @@ def test_a_spectral_scene_with_depth_is_told_in_figures(capsys):
     assert "0 of 600 pixels unknown" in text
 
 
-@pytest.mark.parametrize("kind", ["rgbd", "cube", "folder"])
+@pytest.mark.parametrize("kind", ["rgbd", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("cube", "folder"))])
 def test_the_picture_shows_scene_and_depth(capsys, tmp_path, kind):
     if kind == "rgbd":
         path = scenes.nyuv2(tmp_path)

@@ -114,6 +114,7 @@ def test_patterns_beyond_open_are_named_with_their_file(capsys, tmp_path):
     assert "--shutter shutter.mat: found values from 0 to 255, expected 0 = closed to 1 = open" in said
 
 
+@pytest.mark.slow
 def test_the_camera_of_an_export_is_found_from_another_folder_and_said_to_be_gone(capsys, tmp_path, monkeypatch):
     main([*EXPORT, "--out", "ex"])
     (tmp_path / "other").mkdir()

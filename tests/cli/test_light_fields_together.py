@@ -57,6 +57,7 @@ def test_a_sweep_reads_any_naming_and_keeps_readings_apart(place, capsys):
     assert np.isfinite(psnr(capsys, "lens.png", "odd", *NAMES, "--lens", "3x3"))
 
 
+@pytest.mark.slow
 def test_a_run_is_trained_on_any_naming_and_not_resumed_with_another(place, capsys):
     (place / "run.yaml").write_text(TINY)
     command = ["train", "light-field", "--config", "run.yaml", "--train", "odd", "--train", "lens.png", "--lens", "3x3"]

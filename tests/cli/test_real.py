@@ -91,6 +91,7 @@ def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["tsa"]
 
 
+@pytest.mark.slow
 def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench, tmp_path):
     said(capsys, "import", folder / "capture.mat", *bench, "--out", "s.nc")
     network = "decoder={kind: unrolled, start: dagger, stages: 1, widths: [8, 8], blocks: 1}"

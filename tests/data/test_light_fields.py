@@ -230,6 +230,7 @@ def test_true_disparity_brings_real_views_onto_the_centre_view(real_data):
         assert errors[0] < 0.4 * errors[1]
 
 
+@pytest.mark.slow
 def test_light_field_splits_hold(real_data):
     train, test = (read_split(real_data / "splits" / f"light_field_{part}.txt") for part in ("train", "test"))
     assert train

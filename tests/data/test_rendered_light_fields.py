@@ -81,6 +81,7 @@ def test_near_hides_far_and_beside_it_the_true_background_is_seen():
         np.testing.assert_array_equal(view[0][rows, columns], plane[0][rows, columns])
 
 
+@pytest.mark.slow
 def test_every_light_field_is_complete_and_spans_its_disparity(scenes):
     for name, scene in scenes.items():
         assert scene.light_field.dims == ("view_v", "view_u", "y", "x")

@@ -97,6 +97,7 @@ def test_nobody_certifies_nothing_or_what_is_too_large(monkeypatch):
     assert large.level > 1 + 1e-6
 
 
+@pytest.mark.slow
 def test_bounds_that_can_just_not_be_kept_refute_too():
     """The least norm stalls here: samples whose truth is one per cent above the optimum."""
     problem = simulate(M=9, P=5, J=2, targets=3, paths=1, seed=1)

@@ -109,7 +109,9 @@ def test_a_batch_gives_what_its_snapshots_give_alone() -> None:
     assert together.objective[-1] == pytest.approx(sum(one.objective[-1] for one in alone), rel=1e-6)
 
 
-@pytest.mark.parametrize("decoder", ["admm-tv", "admm-tv-joint", "pnp-tv"])
+@pytest.mark.parametrize(
+    "decoder", ["admm-tv", *(pytest.param(one, marks=pytest.mark.slow) for one in ("admm-tv-joint", "pnp-tv"))]
+)
 @pytest.mark.parametrize("size", [(10, 13), pytest.param((21, 24), marks=pytest.mark.slow)])
 def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int, int], decoder: str) -> None:
     """Where the relay's blur leaves next to no light, the pseudo-inverse says anything."""

@@ -170,6 +170,7 @@ def test_values_may_be_text_as_on_the_command_line(tmp_path):
     assert [found["rows"][0][name] for name in ("noise", "slots", "buckets")] == [0.01, 4, 2]
 
 
+@pytest.mark.slow
 def test_a_static_design_stands_beside_those_of_several_slots(tmp_path):
     effort = {"descents": 1, "steps": 5, "flips": 0}
     found = light_fields(tmp_path, {"slots": [2, 4], "design": ["static", "one-hot"]}, effort=effort)

@@ -7,7 +7,7 @@
 import subprocess
 import sys
 
-MUTATIONS = 60
+MUTATIONS = 40
 
 
 def _fuzz(*arguments):

@@ -38,6 +38,7 @@ def measured(cell):
     return found
 
 
+@pytest.mark.slow
 def test_the_page_tells_every_bound_every_part_and_the_cost(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "one_draw", measured)
     told = []

@@ -116,6 +116,7 @@ def test_a_run_that_is_stopped_ends_as_one_that_is_not(run, captures, tmp_path):
     assert same(Weights.load(whole.weights), Weights.load(resumed.weights))
 
 
+@pytest.mark.slow
 def test_a_calibrated_operator_is_what_it_learns_behind_and_is_kept(run, tmp_path):
     camera = Weights.load(run).camera_for(SIZE)
     span = camera.snapshot_shape[2] - SIZE[1]

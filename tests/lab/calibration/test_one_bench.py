@@ -109,7 +109,7 @@ def test_electrons_come_from_the_linearity(tmp_path, exposure, shutter):
     assert found.camera.noise.shot == pytest.approx(camera.noise.shot, rel=0.1)
 
 
-@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("known", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_leaks_are_shared_out_whenever_the_mask_is_registered(tmp_path, known):
     camera, hardware, bench = spectral(), Hardware(contrast_ratio=40, leakage=0.02), tmp_path / "bench"
     export = exported(tmp_path, camera, "dli4120", SHUTTERS[0])

@@ -108,7 +108,8 @@ def test_frames_of_one_value_are_refused(level):
         register(np.full((4, 40, 50), level), calibration_patterns((33, 41)))
 
 
-@pytest.mark.parametrize("snr_db", [pytest.param(12, marks=pytest.mark.slow), 20])
+@pytest.mark.slow
+@pytest.mark.parametrize("snr_db", [12, 20])
 def test_noise_alone_refuses_no_fit(snr_db):
     codes, sensor = EVEN
     patterns = calibration_patterns(codes)

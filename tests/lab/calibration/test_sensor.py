@@ -157,7 +157,7 @@ def test_light_of_pairs_is_that_of_instants(slots, delay, ratio, aperture, shutt
     assert np.abs(found - followed(slots, delay, ratio, aperture, shutter, repeats)).max() < 3e-3
 
 
-@pytest.mark.parametrize("slots", [3, 4, 7])
+@pytest.mark.parametrize("slots", [3, *(pytest.param(slots, marks=pytest.mark.slow) for slots in (4, 7))])
 @pytest.mark.parametrize("repeats", [False, True])
 @pytest.mark.parametrize(
     ("delay", "aperture", "shutter"), [(0.0, 0.02, 0.0), (0.21, 0.0, 0.05), (-0.17, 0.01, 0.15), (0.3, 0.005, 0.004)]

@@ -143,6 +143,7 @@ def test_the_real_captures_fit_their_prototype(real_data, scene):
     assert 0.001 < taken.notes["noise_in_capture"] < 0.002
 
 
+@pytest.mark.slow
 def test_the_real_shutters_open_every_pixel_once(real_data):
     file = real_data / "cassi" / "pixel_shutter_wine" / "wine.mat"
     for name in ("opt", "rnd"):
