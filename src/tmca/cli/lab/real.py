@@ -108,8 +108,9 @@ def movie(
         snapshot: whose aperture does not change from slot to slot.
         out: NetCDF file of frames to write.
         frames: a divisor of the number of slots.
-        decoder: space-time-dct (blocks of space and time that are sparse in their cosine transform; any shutter), or
-            kriging (every pixel open within one frame, nothing displaced; with a standard deviation).
+        decoder: space-time-dct (blocks of space and time that are sparse in their cosine transform; any shutter),
+            space-time-lmmse (the prior of still scenes, moved), or kriging (every pixel open within one frame, nothing
+            displaced; with a standard deviation).
         lifetime: slots over which the scene changes; without it what predicts the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
