@@ -41,7 +41,7 @@ class BlockMatrices:
         model = solver.model
         sides = (model.buckets, model.block[1], model.columns, *model.block)
         gain, dark, variance = solver.posterior(windows).linear(0)
-        weighted = (gain.to(solver.dtype) * weights.flatten()).reshape(sides)
+        weighted = (gain * weights.flatten()).reshape(sides)
         return cls(weighted, weights * dark.reshape(model.block), valid * variance.reshape(model.block))
 
 

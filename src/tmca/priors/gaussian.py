@@ -198,13 +198,13 @@ class BlockPosterior:
         return self.solver.mean + solved.mT @ cross
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Of one block: the matrix (m, n), float64, that measurements are multiplied by, the estimate (n,) where they
-        are zero, and the variance (n,) of its error."""
+        """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
+        and the variance (n,) of its error."""
         cross, factor, expected = self._blocks[block]
-        gain = torch.cholesky_solve(cross.double(), factor)
-        explained = (cross * gain).sum(0).to(cross.dtype)
-        dark = self.solver.mean - (expected.double() @ gain).to(cross.dtype)
-        return gain, dark, (self.solver.variance - explained).clamp(min=0)
+        exact = torch.cholesky_inverse(factor) @ cross.double()
+        dark = self.solver.mean - (expected.double() @ exact).to(cross.dtype)
+        gain = exact.to(cross.dtype)
+        return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
     def _blocks(self) -> list[tuple[Tensor, Tensor, Tensor]]:
