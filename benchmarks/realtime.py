@@ -1,0 +1,63 @@
+"""A next frame of one camera, solved anew and by a prepared decoder: ``python benchmarks/realtime.py``.
+
+256×256×12, K = 8, random codes in tiles of 32, σ = 0.01, the rendered scenes' prior, coffee; LMMSE with its standard
+deviation. One thread, CPU time, medians, both in turns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+
+import torch
+from timing import milliseconds
+
+import tmca
+from tmca.decoders import PatchEstimator
+from tmca.priors import find_prior
+
+CAMERAS = {
+    "one bucket": {"shutter": "random"},
+    "two buckets": {"shutter": "balanced", "buckets": 2},
+}
+
+
+def measured(settings: dict[str, object], repeats: int) -> dict[str, float]:
+    """Milliseconds of a next frame solved anew and prepared, those of preparing, and by how much both differ."""
+    camera = tmca.SpectralCamera(12, (256, 256), slots=8, period=32, sensor=tmca.Sensor(read_noise=0.01), **settings)
+    frame = tmca.simulate(tmca.read("coffee"), camera).values
+    estimator = PatchEstimator(find_prior(camera), camera.taps(), camera.noise)
+    solved = milliseconds(lambda: estimator(frame, uncertainty=True), max(1, repeats // 5))
+    before = estimator(frame, uncertainty=True)
+    start = time.process_time()
+    estimator.precompute()
+    prepared = 1e3 * (time.process_time() - start)
+    after = estimator(frame, uncertainty=True)
+    return {
+        "solved anew (ms)": solved,
+        "prepared (ms)": milliseconds(lambda: estimator(frame, uncertainty=True), repeats),
+        "preparing (ms)": prepared,
+        "largest difference": float((after.estimate - before.estimate).abs().max()),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    torch.set_num_threads(1)
+    with torch.no_grad():
+        rows = {name: measured(settings, arguments.repeats) for name, settings in CAMERAS.items()}
+    if arguments.json:
+        print(json.dumps(rows))
+        return
+    for name, row in rows.items():
+        print(name)
+        for what, value in row.items():
+            print(f"  {what:20s} {value:10.3g}")
+
+
+if __name__ == "__main__":
+    main()
