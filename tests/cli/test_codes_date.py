@@ -50,7 +50,6 @@ def test_a_snapshot_of_a_calibrated_camera_wants_its_calibration(capsys, calibra
     assert torch.equal(Snapshot.load("sim.nc").values, Snapshot.load("again.nc").values)
 
 
-@pytest.mark.slow
 def test_a_calibration_older_than_the_codes_is_refused_from_simulation_to_capture(capsys, calibrations):
     main([*TAKE, "sim.nc"])
     date = Snapshot.load("sim.nc").notes["codes_date"]

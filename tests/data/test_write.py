@@ -14,7 +14,18 @@ import pytest
 import tifffile
 import xarray as xr
 
-from tmca.data import atomic, atomic_path, label, read, read_dataset, write_dataset, write_json, write_text, write_tiff
+from tmca.data import (
+    atomic,
+    atomic_path,
+    label,
+    read,
+    read_attributes,
+    read_dataset,
+    write_dataset,
+    write_json,
+    write_text,
+    write_tiff,
+)
 from tmca.errors import OutputError, ShapeError
 
 SUFFIXES = [".nc", ".h5", ".zarr", ".tif"]
@@ -234,3 +245,20 @@ def test_what_cannot_be_written_there_is_refused(cube, tmp_path, write, error):
     with pytest.raises(error):
         write(cube, tmp_path)
     assert os.listdir(tmp_path) == ["there"]
+
+
+@pytest.mark.parametrize("kind", [".nc", ".zarr", "classic", "fixed length"])
+def test_attributes_alone_are_those_of_the_whole_file(tmp_path, kind):
+    stored = xr.Dataset({"a": ("x", np.arange(3.0))}, attrs={"date": "2026-03-31", "size": [2, 3], "gain": 0.5})
+    path = tmp_path / ("a.zarr" if kind == ".zarr" else "a.nc")
+    if kind == "classic":
+        stored.to_netcdf(path, engine="scipy")
+    else:
+        write_dataset(stored, path)
+    if kind == "fixed length":
+        with h5py.File(path, "a") as file:
+            file.attrs["date"] = np.bytes_("2026-03-31")
+    alone, whole = read_attributes(path), read_dataset(path).attrs
+    assert alone.keys() == whole.keys()
+    assert all(np.array_equal(alone[name], whole[name]) for name in whole)
+    assert alone["date"] == "2026-03-31"

@@ -6,7 +6,7 @@ import torch
 from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.cameras.frames import frame_taps
-from tmca.decoders import bank, decode, make_decoder
+from tmca.decoders import LMMSE, bank, decode, make_decoder
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
@@ -75,6 +75,34 @@ def test_a_prepared_decoder_decodes_a_stream_of_frames():
         alone = decode(frame, "lmmse", prior=prior, uncertainty=True)
         torch.testing.assert_close(estimate.values, alone.values, rtol=0, atol=1e-4)
         torch.testing.assert_close(estimate.deviation, alone.deviation, rtol=0, atol=1e-4)
+
+
+def test_what_is_done_to_an_estimate_does_not_reach_the_next():
+    shown = TAKEN["fractional"]
+    prior = GaussianPrior.learn([smooth_scene(40, 50, seed=1)], (6, 12))
+    prepared = make_decoder("lmmse", "spectral", {"uncertainty": True}).prepare(shown, prior)
+    frame = shown(smooth_scene(*shown.size, seed=2).float()[None], generator=0).requires_grad_()
+    first = prepared(frame)
+    assert not first.values.requires_grad
+    kept = first.deviation.clone()
+    first.deviation.mul_(100)
+    torch.testing.assert_close(prepared(frame).deviation, kept, rtol=0, atol=0)
+
+
+def test_where_gradients_are_asked_for_nothing_is_prepared():
+    taps = camera("single disperser", 9, 40, period=(3, 4))
+    estimator = PatchEstimator(PRIOR, taps, NOISE, differentiable=True)
+    assert estimator.precompute().bank is None
+
+
+def test_a_subclass_that_prepares_otherwise_is_left_alone():
+    class Paired(LMMSE):
+        def setup(self, camera, prior):
+            return camera, prior
+
+    shown = TAKEN["fractional"]
+    prior = GaussianPrior.learn([smooth_scene(40, 50, seed=1)], (6, 12))
+    assert Paired().prepare(shown, prior).state == (shown, prior)
 
 
 def test_matrices_that_take_too_much_room_are_left_out(monkeypatch):

@@ -58,13 +58,12 @@ def test_without_texture_or_parallax_the_strip_goes_from_far_to_near(views):
     assert focus_steps(label_light_field(views)) == [-2, -1, 0, 1, 2]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "size", "colour"),
     [
         ("coffee:1", (64, 80), False),
-        ("astronaut:2", (75, 91), True),
-        ("coffee:1", (96, 120), False),
+        pytest.param("astronaut:2", (75, 91), True, marks=pytest.mark.slow),
+        pytest.param("coffee:1", (96, 120), False, marks=pytest.mark.slow),
     ],
 )
 def test_the_strip_covers_the_disparity_of_small_frames(scene, size, colour):

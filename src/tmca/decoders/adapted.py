@@ -211,6 +211,3 @@ class AdaptedLMMSE(LMMSE):
 
     def setup(self, camera: Any, prior: Any) -> AdaptedEstimator:
         return AdaptedEstimator(prior, camera.taps(), camera.noise, self.iterations, self.tile)
-
-    def precompute(self, prepared: AdaptedEstimator) -> AdaptedEstimator:
-        return prepared  # every frame has a prior of its own

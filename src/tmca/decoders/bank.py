@@ -1,4 +1,4 @@
-"""The patch LMMSE of codes that repeat themselves, with the blend multiplied out: a next frame is a product for a cell.
+"""The patch LMMSE of one camera with its blend multiplied out: a next frame is a product for every cell.
 
 A cell is as large as the step from block to block. What the blocks over it say of it, weighted and blended, is one
 matrix from the measurements around it, the same for all cells that see equal parts of the code. Neither what the
@@ -17,8 +17,8 @@ from torch import Tensor
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianSolver
 
-MOST_BYTES = 2**30
-"""Of the matrices of all blocks; codes that need more are solved anew for every frame."""
+MOST_BYTES = 2**31
+"""Of the matrices of blocks and cells, which are there at once; what needs more is solved anew for every frame."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,16 @@ class Bank:
         return cls(grid, cells, _laid(cells, deviations, grid.frame))
 
     @classmethod
-    def fits(cls, model: BlockModel, groups: Sequence[Places], dtype: torch.dtype) -> bool:
-        """Whether the matrices of the blocks take no more than ``MOST_BYTES``."""
-        return len(groups) * model.measurements * prod(model.block) * dtype.itemsize <= MOST_BYTES
+    def fits(cls, grid: BlockGrid, groups: Sequence[Places], dtype: torch.dtype) -> bool:
+        """Whether the matrices take no more than ``MOST_BYTES``."""
+        model = grid.model
+        entries = len(groups) * model.measurements * prod(model.block)
+        if entries * dtype.itemsize > MOST_BYTES:
+            return False
+        for covering, sides in _classes(grid, groups):
+            _, _, rows, columns = _box(covering, model)
+            entries += model.buckets * rows * columns * model.block[0] * prod(sides)
+        return entries * dtype.itemsize <= MOST_BYTES
 
     def estimate(self, snapshot: Tensor) -> Tensor:
         """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
@@ -154,8 +161,7 @@ def _cell(
 ) -> EqualCells:  # fmt: skip
     """What the blocks over a cell say of it; ``weights`` (L, h, w) of a block, and of its valid columns."""
     buckets, h, columns = blocks[0].gain.shape[:3]
-    top, left = min(y for y, _, _ in covering), min(x for _, x, _ in covering)
-    rows, across = max(y for y, _, _ in covering) - top + h, max(x for _, x, _ in covering) - left + columns
+    top, left, rows, across = _box(covering, grid.model)
     channels = len(weights[0])
     matrix = weights[0].new_zeros(buckets, rows, across, channels, *sides)
     dark, variance, weight, valid = weights[0].new_zeros(4, channels, *sides)
@@ -175,6 +181,13 @@ def _cell(
         pixels.to(device), (places[:, 0] + top).to(device), (places[:, 1] + first).to(device), (rows, across),
         matrix.flatten(3).flatten(0, 2), dark / weight, (variance / valid).sqrt(),
     )  # fmt: skip
+
+
+def _box(covering: Covering, model: BlockModel) -> tuple[int, int, int, int]:
+    """(top, left) of the measurements of some blocks, from the cell's corner, and their numbers of rows and columns."""
+    tops, lefts = [y for y, _, _ in covering], [x for _, x, _ in covering]
+    rows, columns = max(tops) - min(tops) + model.block[1], max(lefts) - min(lefts) + model.columns
+    return min(tops), min(lefts), rows, columns
 
 
 def _overlap(

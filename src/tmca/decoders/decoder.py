@@ -206,7 +206,7 @@ class Decoder(ABC):
         return camera
 
     def precompute(self, prepared: Any) -> Any:
-        """What ``setup`` returned, with what pays only where several snapshots follow; the same."""
+        """What ``setup`` returned, with what pays only where several snapshots follow; unchanged by default."""
         return prepared
 
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:

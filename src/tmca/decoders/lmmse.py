@@ -83,24 +83,38 @@ class PatchEstimator:
         self.window = self.layout.window(self.solver)
         self.bank: Bank | None = None
 
+    @torch.no_grad()
     def precompute(self) -> PatchEstimator:
-        """Compute what all snapshots have in common, where codes repeat themselves and the prior is one Gaussian: the
-        next ones take a tenth of the time, and are the same to rounding."""
-        layout = self.layout
-        if isinstance(self.solver, GaussianSolver) and Bank.fits(layout.grid.model, layout.groups, self.solver.dtype):
-            self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, self.solver)
+        """Compute what all snapshots have in common: the next ones take a tenth of the time, and are the same to
+        rounding.
+
+        Nothing is done under a mixture, where gradients are asked for, or where blocks see too many different windows
+        of the code: those of tiles fit, those of large masks do not (``tmca.decoders.bank.MOST_BYTES``).
+        """
+        layout, solver = self.layout, self.solver
+        if self.differentiable or not isinstance(solver, GaussianSolver):
+            return self
+        if Bank.fits(layout.grid, layout.groups, solver.dtype):
+            self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
         return self
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         if self.bank is not None:
-            estimate = self.bank.estimate(snapshot)
-            return Blended(estimate, self.bank.deviation.expand_as(estimate) if uncertainty else None)
+            return self._by_bank(self.bank, snapshot, uncertainty, progress)
         blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
         return blend.result()
+
+    @staticmethod
+    @torch.no_grad()
+    def _by_bank(bank: Bank, snapshot: Tensor, uncertainty: bool, progress: Progress | None) -> Blended:
+        estimate = bank.estimate(snapshot)
+        if progress:
+            progress(1.0)
+        return Blended(estimate, bank.deviation.expand_as(estimate).clone() if uncertainty else None)
 
 
 def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
@@ -253,7 +267,7 @@ class LMMSE(Decoder):
         return PatchEstimator(prior, camera.taps(), camera.noise)
 
     def precompute(self, prepared: Any) -> Any:
-        return prepared.precompute()
+        return prepared.precompute() if isinstance(prepared, PatchEstimator) else prepared
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         blended = prepared(values, uncertainty=self.uncertainty, progress=progress)

@@ -125,8 +125,9 @@ class Study(BaseModel):
         where = f"codes.{name}.dead_time"
         if code.dead_time and not issubclass(CAMERAS[self.camera], CodedCamera):
             raise SettingError(where, "some", f"none of a {self.camera} camera")
-        trained = code.train and any(decoder in self.networks for decoder in self.decoders)
-        if code.dead_time and (code.learn or trained):
+        if code.dead_time and code.learn:
+            raise SettingError(where, "some", "none of codes that learn", "search them")
+        if code.dead_time and code.train and any(decoder in self.networks for decoder in self.decoders):
             raise SettingError(where, "some", "none where a network learns without it", "or train: false")
 
     @property

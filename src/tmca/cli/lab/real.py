@@ -99,6 +99,7 @@ def movie(
     changing: float | None = None,
     threshold: float | None = None,
     iterations: Whole | None = None,
+    motion: float | None = None,
     figure: Figure = None,
     overwrite: Overwrite = False,
 ) -> None:
@@ -116,6 +117,7 @@ def movie(
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
             the brightest at least (space-time-dct).
         iterations: over which the threshold falls to it, 40 without it (space-time-dct).
+        motion: largest displacement within the exposure that is expected, pixels; 4 without it (space-time-lmmse).
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
@@ -128,6 +130,7 @@ def movie(
     taken: Snapshot[Any] = Snapshot.load(snapshot)
     check_choice("decoder", decoder, decoders_for("spectral", moving=True))
     given = {"lifetime": lifetime, "changing": changing, "threshold": threshold, "iterations": iterations}
+    given |= {"motion": motion}
     settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         estimate = decode(taken, decoder, progress=progress, frames=frames, **settings)

@@ -150,12 +150,25 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
 
 
 def labelled_attributes(path: Path) -> dict[str, Any]:
-    """Attributes of such a file, without a look at its variables where it is HDF5; errors as of `open_labelled`."""
+    """Attributes of such a file, its variables not looked at where it is HDF5; errors as of `open_labelled`."""
     if path.is_dir() or _is_classic(path):
         with open_labelled(path) as dataset:
             return {str(name): value for name, value in dataset.attrs.items()}
     with open_h5(path) as file:
-        return attrs_of(path, file)
+        stored = {name: value for name, value in attrs_of(path, file).items() if name not in _OF_NETCDF}
+    with whole_file(path, LABELLED):
+        return {name: _plain_attribute(value) for name, value in stored.items()}
+
+
+def _plain_attribute(value: Any) -> Any:
+    """Text as text, and one number as a number, as xarray has them."""
+    if isinstance(value, bytes):
+        return value.decode()
+    return value[0] if isinstance(value, np.ndarray) and value.shape == (1,) else value
+
+
+_OF_NETCDF = ("_NCProperties", "_nc3_strict")
+"""Attributes of the library that wrote a file."""
 
 
 def _store(path: Path, file: h5py.File) -> xarray.backends.H5NetCDFStore:
