@@ -14,7 +14,7 @@ from tmca.cli import main
 from tmca.data.scenes import load_scene
 from tmca.decoders import decode
 from tmca.errors import SettingError
-from tmca.evaluation.study import read_study
+from tmca.evaluation.study import read_study, training_of
 from tmca.sensor import Sensor
 
 MINE = {
@@ -105,6 +105,25 @@ def test_what_is_no_study_is_named(tmp_path, changes, where):
     with pytest.raises(SettingError) as stop:
         read_study(written(tmp_path, **changes))
     assert where in str(stop.value.where)
+
+
+NETWORK = {"settings": {"period": 4}, "networks": {"net": {"label": "net", "decoder": {"kind": "unet"}}}}
+GAPS = {"camera": {"slots": 2, "shutter": "burst", "buckets": 2}, "dead_time": 0.1}
+
+
+def test_a_network_learns_behind_as_many_slots_as_were_searched(tmp_path):
+    codes = {"searched": {"search": {"kind": "free", "slots": 4, "noise": "some"}}}
+    study = read_study(written(tmp_path, **NETWORK, codes=codes, decoders=["net"]))
+    assert training_of(study, "searched", "net", 0, {})["camera"]["slots"] == 4
+
+
+def test_dead_time_is_for_codes_that_no_network_learns_behind(tmp_path):
+    with pytest.raises(SettingError, match="train: false"):
+        read_study(written(tmp_path, **NETWORK, codes={"gaps": GAPS}, decoders=["net"]))
+    study = read_study(
+        written(tmp_path, **NETWORK, codes={"gaps": {**GAPS, "train": False}}, decoders=["net", "dagger"])
+    )
+    assert study.codes["gaps"].dead_time == 0.1
 
 
 def documented():

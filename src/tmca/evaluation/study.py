@@ -248,9 +248,11 @@ def training_of(
     often = max(1, steps // (learn.steps if learn else 1) // stage.validations)
     stays = chosen.learn is not None and learn is None  # learned codes are no longer of a kind
     camera = {"slots": chosen.camera["slots"]} if stays else chosen.camera
+    searched = chosen.search.slots if chosen.search else None
     camera = {
         **study.settings,
         **study.evaluation.training_camera(study),
+        **({"slots": searched} if searched else {}),
         **camera,
         "seed": seed,
         "learn": learn.what if learn else "none",
