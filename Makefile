@@ -35,6 +35,7 @@ benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral.py
 	.venv/bin/python benchmarks/light_field.py
 	.venv/bin/python benchmarks/spectral_depth.py
+	.venv/bin/python benchmarks/realtime.py
 	.venv/bin/python benchmarks/training.py
 
 clean:
