@@ -7,7 +7,12 @@
 import subprocess
 import sys
 
-MUTATIONS = 40
+import pytest
+
+USUAL = (
+    "scene.nc,plain.h5,array.npy,imagej.tif,envi.hdr,spectral-snapshot.nc,gaussian-prior.nc,calibration.nc,device.yaml"
+)
+"""Kinds of files that the quick tests damage."""
 
 
 def _fuzz(*arguments):
@@ -15,10 +20,12 @@ def _fuzz(*arguments):
     return done.returncode, done.stdout + done.stderr
 
 
-def test_a_short_campaign_ends_well(tmp_path):
-    code, said = _fuzz("--mutations", str(MUTATIONS), "--jobs", "1", "--folder", str(tmp_path))
+@pytest.mark.parametrize(("kinds", "mutations"), [(USUAL, 60), pytest.param("", 100, marks=pytest.mark.slow)])
+def test_a_short_campaign_ends_well(tmp_path, kinds, mutations):
+    asked = ("--mutations", str(mutations), "--kinds", kinds, "--jobs", "1", "--folder", str(tmp_path))
+    code, said = _fuzz(*asked)
     assert code == 0, said
-    assert f"{MUTATIONS} mutations" in said
+    assert f"{mutations} mutations" in said
 
 
 def test_failures_of_the_past_stay_mended():
