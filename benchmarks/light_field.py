@@ -6,12 +6,11 @@ code and forward ≤ 0.6 of slot by slot.
 
 from __future__ import annotations
 
-import argparse
 import json
 from itertools import product
 
 import torch
-from timing import milliseconds
+from timing import asked, milliseconds
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -53,10 +52,7 @@ def measure(repeats: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=15)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = asked(__doc__, 15)
     torch.set_num_threads(1)
     times = measure(arguments.repeats)
     ratios = {name: times[name] / times["copy"] for name in ("forward", "adjoint")}

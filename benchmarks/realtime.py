@@ -6,12 +6,11 @@ deviation. One thread, CPU time, medians, both in turns.
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 
 import torch
-from timing import milliseconds
+from timing import asked, milliseconds
 
 import tmca
 from tmca.decoders import PatchEstimator
@@ -43,10 +42,7 @@ def measured(settings: dict[str, object], repeats: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=15)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = asked(__doc__, 15)
     torch.set_num_threads(1)
     with torch.no_grad():
         rows = {name: measured(settings, arguments.repeats) for name, settings in CAMERAS.items()}

@@ -7,12 +7,11 @@ buckets ≤ 2.2 times one.
 
 from __future__ import annotations
 
-import argparse
 import json
 import resource
 
 import torch
-from timing import milliseconds, times_as_long
+from timing import asked, milliseconds, times_as_long
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -105,10 +104,7 @@ def cubes_of_memory(shape: tuple[int, int, int, int]) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=50)
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
+    options = asked(__doc__, 50)
     torch.set_num_threads(1)
     report = {}
     for shape in SHAPES:

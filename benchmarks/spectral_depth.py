@@ -15,14 +15,13 @@ a band stay in the cache, while its transfer functions, 211 MB in all at K = 4, 
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 
 import torch
-from timing import milliseconds
+from timing import asked, milliseconds
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
@@ -114,10 +113,7 @@ def measure_layers(repeats: int) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--json", action="store_true")
-    arguments = parser.parse_args()
+    arguments = asked(__doc__, 5)
     torch.set_num_threads(1)
     found = measure_light(arguments.repeats) | measure_layers(arguments.repeats)
     if arguments.json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import statistics
 import time
 from collections.abc import Callable
@@ -26,3 +27,11 @@ def once(task: Callable[[], object]) -> float:
     start = time.process_time_ns()
     task()
     return (time.process_time_ns() - start) / 1e6
+
+
+def asked(description: str | None, repeats: int) -> argparse.Namespace:
+    """``--repeats`` and ``--json`` of a benchmark."""
+    parser = argparse.ArgumentParser(description=description)
+    parser.add_argument("--repeats", type=int, default=repeats)
+    parser.add_argument("--json", action="store_true")
+    return parser.parse_args()

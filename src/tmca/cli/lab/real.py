@@ -129,8 +129,9 @@ def movie(
     check_targets([out], overwrite, snapshot)
     taken: Snapshot[Any] = Snapshot.load(snapshot)
     check_choice("decoder", decoder, decoders_for("spectral", moving=True))
-    given = {"lifetime": lifetime, "changing": changing, "threshold": threshold, "iterations": iterations}
-    given |= {"motion": motion}
+    given = {
+        "lifetime": lifetime, "changing": changing, "threshold": threshold, "iterations": iterations, "motion": motion,
+    }  # fmt: skip
     settings: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
         estimate = decode(taken, decoder, progress=progress, frames=frames, **settings)
