@@ -18,6 +18,7 @@ FLOORS = {
     "yaml_files": 0.4,
     "stored_numbers": 0.4,
     "specs": 0.5,
+    "devices": 0.5,
     "data": 1,
     "metrics": 1,
     "plots": 2,

@@ -186,7 +186,23 @@ def check_two_buckets(cls, kind):
     assert untrained or not torch.equal(prepared(other).values, estimate)
 
 
+def check_a_graphics_processor_decodes_alike(cls, kind):
+    if not torch.cuda.is_available():
+        pytest.skip("no CUDA device")
+    camera, values, prior, settings = case(cls, kind)
+    settings |= {"uncertainty": True} if cls.deviation else {}
+    here = decode(Snapshot(values, camera), cls.name, prior=prior, **settings)
+    there = decode(Snapshot(values, camera), cls.name, prior=prior, device="cuda", **settings)
+    assert camera.response.device.type == "cpu"
+    atol = 2e-2 if cls.name.startswith(("admm", "pnp", "dictionary")) else 2e-3
+    for name, part in tensors(there).items():
+        assert part.device.type == "cuda"
+        if name != "planes":
+            torch.testing.assert_close(part.cpu(), tensors(here)[name], atol=atol, rtol=1e-2, msg=name)
+
+
 CHECKS = (
+    check_a_graphics_processor_decodes_alike,
     check_shape_and_determinism,
     check_a_batch_is_its_snapshots_one_by_one,
     check_prepared_is_decode,

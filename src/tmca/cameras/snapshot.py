@@ -6,7 +6,8 @@ import base64
 import io
 import json
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -19,6 +20,7 @@ from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
+from tmca.devices import device_of
 from tmca.errors import DataError, SettingError, check_shape
 from tmca.plugins import load_plugins
 
@@ -50,6 +52,15 @@ class Snapshot(Generic[Kind]):
     values: Array
     camera: Kind
     notes: InstanceOf[dict[str, Any]] = field(default_factory=dict)
+
+    def to(self, device: str | torch.device) -> Snapshot[Kind]:
+        """The snapshot on a device, its camera a copy there.
+
+        Raises:
+            SettingError: a device that is not there.
+        """
+        there = device_of(device)
+        return replace(self, values=self.values.to(there), camera=deepcopy(self.camera).to(there))
 
     def to_xarray(self) -> xr.Dataset:
         """The snapshot with the codes, optics and sensor that made it, labelled.

@@ -21,7 +21,8 @@ from tmca.data.folders import output_error
 from tmca.data.locks import LOCK, NoLocks, lock
 from tmca.errors import OutputError
 
-_ATTEMPTS = 20
+_PATIENCE, _QUIET = 5.0, 0.3
+"""Seconds: within which threads of a writer that failed must have ended, and of silence after which they have."""
 _LEFT, _OLD = re.compile(r"\..+\.[0-9a-f]{12}\.tmp"), ".old"
 _NOREPLACE, _EXCHANGE, _HERE = 1, 2, -100
 """Of Linux: flags of ``renameat2``, and ``AT_FDCWD``."""
@@ -96,10 +97,12 @@ def _workshop(path: Path) -> Iterator[Path]:
         except OSError:
             folder.rmdir()
             raise
+    quiet = _QUIET
     try:
         yield folder
+        quiet = 0.0
     finally:
-        _remove(folder)
+        _remove(folder, quiet)
         if handle is not None:
             handle.close()
 
@@ -184,12 +187,16 @@ def _flush_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _remove(temporary: Path) -> None:
-    for _ in range(_ATTEMPTS):
+def _remove(temporary: Path, quiet: float = 0.0) -> None:
+    """Delete a file or folder until it stays away for ``quiet`` seconds: a writer's own threads (Zarr's) may go on
+    putting files there after it failed."""
+    begun = seen = time.monotonic()
+    while time.monotonic() < begun + _PATIENCE:
         if temporary.is_dir():
             shutil.rmtree(temporary, ignore_errors=True)
+            seen = time.monotonic()
         else:
             temporary.unlink(missing_ok=True)
-        if not temporary.exists():
+        if not temporary.exists() and time.monotonic() >= seen + quiet:
             return
-        time.sleep(0.05)  # a writer's own threads (Zarr's) may still put files there
+        time.sleep(0.05)

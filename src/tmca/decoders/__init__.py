@@ -3,14 +3,8 @@
 from tmca.arguments import settings_of
 from tmca.decoders import adapted, kriging, moving, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
-from tmca.decoders.decoder import (
-    Decoder,
-    Estimate,
-    Prepared,
-    Raw,
-    decode,
-    make_decoder,
-)
+from tmca.decoders.decoder import Decoder, Estimate, Prepared, Raw
+from tmca.decoders.decoding import decode, make_decoder
 from tmca.decoders.dictionary import DictionaryEstimator
 from tmca.decoders.least_squares import Result, tikhonov
 from tmca.decoders.likelihood import PatchLikelihood

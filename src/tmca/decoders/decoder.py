@@ -9,10 +9,9 @@ import json
 import time
 from abc import ABC, abstractmethod
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import MISSING, asdict, dataclass, field, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from html import escape
-from inspect import isabstract
 from io import BytesIO
 from math import prod
 from pathlib import Path
@@ -21,11 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.arguments import checked_settings, described, settings_of
+from tmca.arguments import checked_settings, settings_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import check_parts, decoders, decoders_for, decodes, register, usual_decoder
-from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_shape
+from tmca.decoders.registry import decoders_for, decodes, register
+from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
 from tmca.priors import Prior, find_prior
 
@@ -237,6 +236,7 @@ class Decoder(ABC):
 
         >>> import torch, tmca.cameras
         >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
+        >>> from tmca.decoders import make_decoder
         >>> prepared = make_decoder("dagger", "spectral").prepare(camera)
         >>> [tuple(estimate.values.shape) for estimate in prepared.stream(torch.rand(2, 1, 8, 10))]
         [(1, 3, 8, 8), (1, 3, 8, 8)]
@@ -336,63 +336,3 @@ def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:
         found = f"an estimate of {name} with NaN or infinite values"
         raise SettingError("decoder", found, "finite ones", "change its settings")
     return values
-
-
-def decode(
-    snapshot: Snapshot[Any] | str | Path,
-    decoder: str | type[Decoder] | Decoder | None = None,
-    *,
-    prior: str | Path | Prior | None = None,
-    progress: Progress | None = None,
-    **settings: Any,
-) -> Estimate:
-    """Recover the scene of a snapshot of any camera.
-
-    Args:
-        snapshot: values and camera, or the file that holds them.
-        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
-        prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
-        progress: called with the share that is done.
-        settings: of the decoder.
-
-    Raises:
-        SettingError: an unknown decoder or setting, or a camera or prior that does not fit.
-        DataError: a file that holds no snapshot.
-
-    >>> import torch, tmca.cameras
-    >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
-    >>> decode(Snapshot(camera(torch.rand(1, 3, 8, 8)), camera), "dagger").values.shape
-    torch.Size([1, 3, 8, 8])
-    """
-    if decoder is None and "method" in settings:
-        decoder = settings.pop("method")  # its name in version 0.1
-    if isinstance(snapshot, str | Path):
-        snapshot = Snapshot.load(snapshot)
-    if not isinstance(snapshot, Snapshot):
-        raise SettingError("snapshot", described(snapshot), "a Snapshot", "take one with tmca.simulate")
-    kind = snapshot.camera.kind
-    return make_decoder(decoder or usual_decoder(kind), kind, settings)(snapshot, prior, progress)
-
-
-def make_decoder(
-    decoder: str | type[Decoder] | Decoder, kind: str, settings: Mapping[str, Any] | None = None
-) -> Decoder:
-    """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
-    if isinstance(decoder, str):
-        choices = decoders_for(kind, moving=None)
-        if decoder not in choices and decoder in decoders():
-            found = f"{decoder!r}, which is for {', '.join(sorted(decoders()[decoder].cameras))} cameras"
-            raise SettingError("decoder", found, f"one of {', '.join(choices)}")
-        check_choice("decoder", decoder, choices)
-        decoder = choices[decoder]
-    cls = decoder if isinstance(decoder, type) else type(decoder)
-    if not issubclass(cls, Decoder) or isabstract(cls):
-        raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
-    checked = checked_settings(cls, settings) if settings else {}
-    check_parts(cls)
-    if isinstance(decoder, Decoder):
-        return replace(decoder, **checked)
-    for setting in settings_of(cls):
-        if setting.default is MISSING and setting.name not in checked:
-            raise SettingError(setting.name, "nothing", f"a {setting.type}: {cls.name} has no default of it")
-    return decoder(**checked)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -240,7 +241,7 @@ class KrigingDecoder(FrameDecoder):
     changing: float | None = None
 
     def setup(self, camera: Any, prior: None) -> tuple[FrameOperator, Any]:
-        operator, camera = super().setup(camera, prior)
+        operator, camera = super().setup(deepcopy(camera).cpu(), prior)  # SciPy's trees know processors alone
         seen = (operator.collapsed.code > 0).sum(0)
         if camera.bands > 1 or camera.buckets > 1 or camera.dispersion.extent or bool((seen > 1).any()):
             raise SettingError(
@@ -249,9 +250,10 @@ class KrigingDecoder(FrameDecoder):
         return operator, camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Raw:
-        parts = [self._frames(*prepared, one[0]) for one in values]
+        parts = [self._frames(*prepared, one[0]) for one in values.cpu()]
         notes = {f"scene_{name}": number for name, number in asdict(parts[-1][2]).items()}
-        return Raw(torch.stack([part[0] for part in parts]), torch.stack([part[1] for part in parts]), notes=notes)
+        frames, deviations = (torch.stack(part).to(values.device) for part in list(zip(*parts, strict=True))[:2])
+        return Raw(frames, deviations, notes=notes)
 
     def _frames(self, operator: FrameOperator, camera: Any, values: Tensor) -> tuple[Tensor, Tensor, Covariance]:
         """Frames (F, H, W), their standard deviation, and the covariance, lengths in pixels and slots."""

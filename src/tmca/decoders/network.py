@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
@@ -15,6 +17,12 @@ from tmca.decoders.nets.weights import SHIPPED, Weights
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
+
+
+def _on(network: nn.Module, device: torch.device) -> Any:
+    """A network on a device: itself if it is there, else a copy."""
+    there = next(network.parameters()).device == device
+    return network if there else deepcopy(network).to(device)
 
 
 @dataclass
@@ -50,10 +58,11 @@ class NetworkDecoder(Decoder):
         weights = self.trained(camera)
         weights.check(camera)
         prior = weights.load_prior() if prior is None else prior
-        if isinstance(weights.network, TwoHeadedUNet):
-            return TwoHeadedNetwork(weights.network, camera, prior), str(weights.path or "")
+        network = _on(weights.network, camera.response.device)
+        if isinstance(network, TwoHeadedUNet):
+            return TwoHeadedNetwork(network, camera, prior), str(weights.path or "")
         operator = TapOperator(camera.taps())
-        return CollapsedNetwork(weights.network, operator, camera.noise, prior), str(weights.path or "")
+        return CollapsedNetwork(network, operator, camera.noise, prior), str(weights.path or "")
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         network, path = prepared

@@ -17,6 +17,7 @@ from tmca.applications import simulate
 from tmca.applications.moving import FRAMES, frame_pairs, frames_of, mean_of
 from tmca.cameras import CAMERAS, Hardware, in_finer_time
 from tmca.decoders import OtherCodes, decode, decoders
+from tmca.devices import computing_on
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
 from tmca.plugins import foreign_source
@@ -235,7 +236,8 @@ STEPS: Mapping[str, type[Cell]] = {
 }
 
 
-def compute(cell: Settings, folder: str) -> Measured:
-    """A cell of any kind, by its ``step``; ``folder`` takes its files."""
+def compute(cell: Settings, folder: str, device: str | None = None) -> Measured:
+    """A cell of any kind, by its ``step``; ``folder`` takes its files, and ``device`` is where it is decoded."""
     checked = STEPS[cell["step"]].model_validate(cell)
-    return checked.compute(evaluation_of(checked.camera), Path(folder))
+    with computing_on(device):
+        return checked.compute(evaluation_of(checked.camera), Path(folder))

@@ -26,6 +26,7 @@ def run_study(
     *,
     jobs: int = 1,
     cluster: Settings | None = None,
+    device: str | None = None,
     overwrite: bool = False,
     progress: Timed | None = None,
     command: Sequence[str] = (),
@@ -38,6 +39,7 @@ def run_study(
         work: folder of priors, codes, trainings and finished cells; a stopped study resumes there.
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
+        device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
         progress: called with (done, all, name, seconds left) after each cell.
         command: how the run was called, written into the results.
@@ -67,7 +69,7 @@ def run_study(
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
+        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):

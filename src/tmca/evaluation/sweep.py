@@ -67,6 +67,7 @@ def run_sweep(
     *,
     jobs: int = 1,
     cluster: Settings | None = None,
+    device: str | None = None,
     overwrite: bool = False,
     progress: Timed | None = None,
     command: Sequence[str] = (),
@@ -79,6 +80,7 @@ def run_sweep(
         work: folder of finished cells.
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
+        device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
         progress: called with (done, all, name, seconds left) after each cell.
         command: how the run was called.
@@ -98,7 +100,7 @@ def run_sweep(
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
     with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work)), work, jobs, cluster, progress)
+        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])
         if not rows:

@@ -31,7 +31,7 @@ def paired_blocks(code: Tensor, pairs: Iterable[tuple[int, int, int]], columns: 
 def solve_blocks(blocks: Tensor, right: Tensor) -> Tensor:
     """``blocks⁺ right``: blocks (H, n, R, R) positive semidefinite, right (..., H, n, R); the least-norm solution where
     one is singular, as under a shutter that leaves a bucket dark."""
-    return (pseudo_inverse(blocks) @ right[..., None])[..., 0]
+    return (pseudo_inverse(blocks) * right[..., None, :]).sum(-1)  # a batched product of 2×2 is many times slower
 
 
 def pseudo_inverse(blocks: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from typing import Any
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 Layout = tuple[tuple[int, ...], tuple[int, ...], int, int, int]
 """(channels, offsets, scene channels L, snapshot width W', buckets R) of taps, those of a bucket after each other."""
@@ -69,7 +70,41 @@ def _taps(layout: Layout) -> Iterator[tuple[int, int, int, int]]:
             yield bucket * share + t, bucket, channels[t], offsets[t]
 
 
+def _even_step(layout: Layout) -> int | None:
+    """Columns from tap to tap where every channel has one and they lie in even steps from column 0; None otherwise."""
+    channels, offsets, count, _, buckets = layout
+    share = len(channels) // buckets
+    step = offsets[1] if share > 1 else 0
+    even = channels[:share] == tuple(range(count)) and offsets[:share] == tuple(step * t for t in range(share))
+    return step if even else None
+
+
+def _in_one_go(tensor: Tensor, layout: Layout) -> bool:
+    """Whether all taps are computed at once: on a device where launching an operation costs more than it does."""
+    return tensor.device.type != "cpu" and _even_step(layout) is not None
+
+
+def sheared_snapshot(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
+    """``_snapshot_of_taps`` in two passes over all taps: products with room for the light that is displaced, and their
+    sum in a view that reads every tap so many columns earlier, where the one before ends in zeros."""
+    *_, width, buckets = layout
+    light = pad(scene[:, None] * code.unflatten(0, (buckets, -1)), (0, width - code.shape[2])).contiguous()
+    strides = list(light.stride())
+    strides[2] -= _even_step(layout) or 0
+    return light.as_strided(light.shape, strides).sum(2)
+
+
+def _light_of_taps(snapshot: Tensor, columns: int, layout: Layout) -> Tensor:
+    """(B, R, L, H, W) what every tap of every bucket reads of a snapshot, a view."""
+    step, count = _even_step(layout), layout[2]
+    if not step:
+        return snapshot[:, :, None, :, :columns].expand(-1, -1, count, -1, -1)
+    return snapshot.unfold(-1, columns, step)[:, :, :, :count].transpose(2, 3)
+
+
 def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
+    if _in_one_go(scene, layout):
+        return sheared_snapshot(scene, code, layout)
     *_, width, buckets = layout
     snapshot, columns = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width), code.shape[2]
     for t, bucket, channel, offset in _taps(layout):
@@ -77,7 +112,20 @@ def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
     return snapshot
 
 
+def sheared_scene(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
+    """``_scene_of_taps`` of all taps at once."""
+    light, codes = _light_of_taps(snapshot, code.shape[2], layout), code.unflatten(0, (layout[4], -1))
+    return light[:, 0] * codes[0] if layout[4] == 1 else (light * codes).sum(1)
+
+
+def sheared_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
+    """``_code_of_taps`` of all taps at once."""
+    return (_light_of_taps(snapshot, scene.shape[3], layout) * scene[:, None]).sum(0).flatten(0, 1)
+
+
 def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
+    if _in_one_go(snapshot, layout):
+        return sheared_scene(code, snapshot, layout)
     scene_channels, columns = layout[2], code.shape[2]
     scene = snapshot.new_empty(snapshot.shape[0], scene_channels, *code.shape[1:])
     seen: set[int] = set()
@@ -94,6 +142,8 @@ def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
 
 
 def _code_of_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
+    if _in_one_go(scene, layout):
+        return sheared_taps(snapshot, scene, layout)
     batch, _, rows, columns = scene.shape
     code = scene.new_empty(len(layout[0]), rows, columns)
     for t, bucket, channel, offset in _taps(layout):

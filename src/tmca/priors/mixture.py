@@ -282,7 +282,7 @@ class MixturePosterior:
         """Kinds and gain levels that a few rows of the measurements (N, m) do not rule out."""
         prior, some = self.solver.prior, self.solver.glance
         kinds, levels = prior.weights.shape
-        every = torch.cartesian_prod(torch.arange(kinds), torch.arange(levels)).reshape(-1, 2)
+        every = torch.cartesian_prod(torch.arange(kinds), torch.arange(levels)).reshape(-1, 2).to(measured.device)
         if len(every) == 1:
             return every[:, 0], every[:, 1]
         logs, _ = self.components(block, every[:, 0], every[:, 1], some).shares(measured[:, some])

@@ -23,6 +23,8 @@ class GridOptions:
     "Processes side by side."
     slurm: Annotated[str | None, Parameter(group=_GRID)] = None
     "Parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu."
+    device: Annotated[str | None, Parameter(group=_GRID)] = None
+    "Where snapshots are decoded: cpu, cuda or cuda:1."
     overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
     "Replace results that exist."
     json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
@@ -31,7 +33,12 @@ class GridOptions:
     def how(self) -> dict[str, Any]:
         """Arguments of a comparison or a sweep."""
         cluster, command = cluster_parameters(self.slurm), ["tmca", *sys.argv[1:]]
-        return {"jobs": self.jobs, "cluster": cluster, "overwrite": self.overwrite, "command": command}
+        if self.device is not None:
+            from tmca.devices import device_of
+
+            device_of(self.device)
+        same = {"jobs": self.jobs, "device": self.device, "overwrite": self.overwrite}
+        return {**same, "cluster": cluster, "command": command}
 
 
 def cluster_parameters(text: str | None) -> dict[str, Any] | None:

@@ -163,7 +163,7 @@ class Weights:
         """
         self.check_kind(camera.kind)
         if self.wavelengths and not same_bands(self.wavelengths, camera.wavelengths):
-            found, wanted = (_bands(one) for one in (self.wavelengths, camera.wavelengths))
+            found, wanted = _unlike_bands(self.wavelengths, camera.wavelengths)
             raise SettingError("weights", found, f"the camera's {wanted}", "train a network at the camera's bands")
         if isinstance(self.network, TwoHeadedUNet):
             check_sizes(self.network, camera)
@@ -278,6 +278,15 @@ def shipped_file(slots: int) -> Path:
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
     """Whether two lists of wavelengths in metres agree to a nanometre."""
     return len(one) == len(other) and all(abs(a - b) <= 1e-9 for a, b in zip(one, other, strict=True))
+
+
+def _unlike_bands(one: Sequence[float], other: Sequence[float]) -> tuple[str, str]:
+    """What tells two lists of wavelengths apart: numbers and ends, or the first band that differs."""
+    if (texts := (_bands(one), _bands(other)))[0] != texts[1]:
+        return texts
+    pairs = enumerate(zip(one, other, strict=True), start=1)
+    place, (a, b) = next((place, pair) for place, pair in pairs if abs(pair[0] - pair[1]) > 1e-9)
+    return f"{texts[0]}, number {place} at {a * 1e9:.4g} nm", f"number {place} at {b * 1e9:.4g} nm"
 
 
 def _bands(wavelengths: Sequence[float]) -> str:

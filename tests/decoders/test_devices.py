@@ -1,0 +1,66 @@
+"""Where decoders compute."""
+
+import pytest
+import torch
+from conformance import SIZE, camera_for, values_for
+
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders import DECODERS, LMMSE, Weights, build_network, decode
+from tmca.devices import computing_on, device_of, usual_device
+from tmca.errors import SettingError
+
+
+def taken():
+    camera = camera_for(LMMSE, "spectral")
+    return Snapshot(values_for(camera)[:1], camera, {"scene": "smooth"})
+
+
+def test_a_snapshot_goes_to_a_device_as_a_copy():
+    snapshot = taken()
+    there = snapshot.to("meta")
+    assert there.values.device.type == there.camera.response.device.type == "meta"
+    assert snapshot.camera.response.device.type == snapshot.values.device.type == "cpu"
+    assert there.notes == snapshot.notes
+
+
+def test_a_device_that_is_named_computes_the_same():
+    snapshot = taken()
+    here = decode(snapshot, "dagger")
+    assert torch.equal(here.values, decode(snapshot, "dagger", device="cpu").values)
+    with computing_on("cpu"):
+        assert usual_device() == torch.device("cpu")
+        assert torch.equal(here.values, decode(snapshot, "dagger").values)
+    assert usual_device() is None
+    with computing_on(None):
+        assert usual_device() is None
+
+
+@pytest.mark.parametrize("name", ["cuda:99", "nowhere", "", "cpu:-3"])
+def test_a_device_that_is_not_there_is_refused(name):
+    with pytest.raises(SettingError, match="one of this machine: cpu") as refusal:
+        device_of(name)
+    assert refusal.value.where == "device"
+    with pytest.raises(SettingError):
+        decode(taken(), "dagger", device=name)
+    with pytest.raises(SettingError), computing_on(name):
+        pass
+
+
+def test_a_device_without_room_is_told_in_one_line(monkeypatch):
+    def greedy(self, prepared, values, progress):
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20.00 GiB.")
+
+    monkeypatch.setattr(DECODERS["dagger"], "reconstruct", greedy)
+    with pytest.raises(SettingError, match=r"20.00 GiB.*decode on the cpu") as refusal:
+        decode(taken(), "dagger")
+    assert "\n" not in str(refusal.value)
+
+
+def test_weights_at_other_bands_name_the_first_that_differs():
+    bands = [400e-9, 500e-9, 700e-9]
+    network = build_network("unet", bands=3, widths=[4], blocks=1, start="dagger")
+    weights = Weights.of(network, SpectralCamera(bands, SIZE, slots=2))
+    with pytest.raises(SettingError, match=r"number 2 at 500 nm, expected the camera's number 2 at 550 nm"):
+        weights.check(SpectralCamera([400e-9, 550e-9, 700e-9], SIZE, slots=2))
+    with pytest.raises(SettingError, match=r"found 3 bands of 400 to 700 nm, expected the camera's 2 bands"):
+        weights.check(SpectralCamera([400e-9, 700e-9], SIZE, slots=2))

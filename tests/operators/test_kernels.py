@@ -1,0 +1,89 @@
+"""All taps at once, as devices compute them, against tap by tap."""
+
+import pytest
+import torch
+
+from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.operators import TapOperator, kernels
+
+EVEN = {
+    "one bucket": {"bands": 5, "slots": 2},
+    "two buckets, three pixels": {
+        "bands": 4,
+        "slots": 2,
+        "dispersion": 3.0,
+        "buckets": 2,
+        "shutter": "balanced",
+    },
+    "nothing displaced": {"bands": 3, "slots": 1, "dispersion": 0.0},
+    "one band": {"bands": 1, "slots": 2},
+    "wider than the frame": {"bands": 13, "slots": 2, "dispersion": 2.0},
+    "dual disperser": {"bands": 3, "slots": 2, "disperser": "dual"},
+}
+UNEVEN = {"fractional": 0.5, "uneven": (0.0, 1.0, 3.0, 4.0), "backwards": (3.0, 2.0, 1.0, 0.0)}
+
+
+def layout_of(taps):
+    return taps.channels, taps.offsets, taps.scene_channels, taps.snapshot_width, taps.buckets
+
+
+def inputs(taps):
+    draw = torch.Generator().manual_seed(0)
+    scene = torch.rand(2, *taps.scene_shape, generator=draw, dtype=torch.float64)
+    return scene, torch.rand(2, *taps.snapshot_shape, generator=draw, dtype=torch.float64), taps.code.double()
+
+
+@pytest.mark.parametrize("settings", EVEN.values(), ids=EVEN)
+@pytest.mark.parametrize("size", [(7, 11), (6, 8)])
+def test_all_taps_at_once_are_one_after_the_other(settings, size):
+    taps = SpectralCamera(size=size, **settings).taps()
+    layout, (scene, snapshot, code) = layout_of(taps), inputs(taps)
+    assert kernels._even_step(layout) is not None
+    torch.testing.assert_close(
+        kernels.sheared_snapshot(scene, code, layout), kernels._snapshot_of_taps(scene, code, layout)
+    )
+    torch.testing.assert_close(
+        kernels.sheared_scene(code, snapshot, layout), kernels._scene_of_taps(code, snapshot, layout)
+    )
+    torch.testing.assert_close(
+        kernels.sheared_taps(snapshot, scene, layout), kernels._code_of_taps(snapshot, scene, layout)
+    )
+
+
+def test_a_part_of_a_camera_and_a_light_field_are_computed_at_once_too():
+    for taps in (SpectralCamera(4, (9, 12), slots=2).taps().window(2, 3, 5, 6), LightFieldCamera(3, (7, 9), 2).taps()):
+        layout, (scene, snapshot, code) = layout_of(taps), inputs(taps)
+        assert kernels._even_step(layout) is not None
+        torch.testing.assert_close(
+            kernels.sheared_snapshot(scene, code, layout), kernels._snapshot_of_taps(scene, code, layout)
+        )
+        torch.testing.assert_close(
+            kernels.sheared_scene(code, snapshot, layout), kernels._scene_of_taps(code, snapshot, layout)
+        )
+
+
+@pytest.mark.parametrize("dispersion", UNEVEN.values(), ids=UNEVEN)
+def test_taps_in_uneven_steps_are_computed_one_by_one(dispersion):
+    assert kernels._even_step(layout_of(SpectralCamera(4, (6, 8), slots=2, dispersion=dispersion).taps())) is None
+
+
+def test_what_is_cached_of_a_code_follows_its_changes():
+    taps = SpectralCamera(3, (6, 8), slots=2, shutter="open").taps()
+    operator, snapshot = TapOperator(taps), torch.rand(1, *taps.snapshot_shape)
+    before = operator.gram_solve(snapshot, 0.1)
+    assert torch.equal(before, operator.gram_solve(snapshot, 0.1))
+    operator.code.mul_(0.5)
+    fresh = TapOperator(operator.taps).gram_solve(snapshot, 0.1)
+    assert torch.equal(operator.gram_solve(snapshot, 0.1), fresh)
+    assert not torch.equal(before, fresh)
+    assert operator.double().gram_solve(snapshot.double(), 0.1).dtype == torch.float64
+
+
+def test_a_code_that_is_learned_is_never_cached():
+    taps = SpectralCamera(3, (6, 8), slots=2, shutter="open").taps()
+    operator = TapOperator(taps)
+    operator.code.requires_grad_(True)
+    snapshot = torch.rand(1, *taps.snapshot_shape)
+    for _ in range(2):
+        (gradient,) = torch.autograd.grad(operator.gram_solve(snapshot, 0.1).sum(), operator.code)
+        assert gradient.abs().sum() > 0
