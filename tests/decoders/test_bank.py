@@ -1,13 +1,20 @@
 """Matrices that are computed once give what solving every frame gives, for every camera, size and stride."""
 
+import re
+from dataclasses import replace
+
 import pytest
 import torch
+from safetensors import safe_open
+from safetensors.torch import save_file
 
 from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.cameras.frames import frame_taps
-from tmca.decoders import LMMSE, bank, decode, make_decoder
+from tmca.decoders import LMMSE, bank, bank_file, decode, make_decoder
+from tmca.decoders.bank_file import DamagedBank
 from tmca.decoders.lmmse import PatchEstimator
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise, Sensor
 
@@ -110,3 +117,123 @@ def test_matrices_that_take_too_much_room_are_left_out(monkeypatch):
     estimator = PatchEstimator(PRIOR, camera("single disperser", 9, 40), NOISE)
     estimator.precompute()
     assert estimator.bank is None
+
+
+def taken():
+    shown = TAKEN["two buckets"]
+    prior = GaussianPrior.learn([smooth_scene(40, 50, 3, seed=1)], (6, 12))
+    return Snapshot(shown(smooth_scene(*shown.size, 3, seed=2).float()[None], generator=0), shown), prior
+
+
+def by_bank(path, snapshot=None, prior=None, **settings):
+    usual = taken()
+    return decode(snapshot or usual[0], "lmmse", prior=prior or usual[1], bank=path, uncertainty=True, **settings)
+
+
+def test_a_bank_in_a_file_decodes_as_the_one_that_was_computed(tmp_path, monkeypatch):
+    path, (snapshot, prior) = tmp_path / "b.safetensors", taken()
+    first = by_bank(path)
+    monkeypatch.setattr(bank.Bank, "of", None)  # it is read
+    again = by_bank(path)
+    assert torch.equal(first.values, again.values)
+    assert torch.equal(first.deviation, again.deviation)
+    torch.testing.assert_close(again.values, decode(snapshot, "lmmse", prior=prior).values, atol=1e-4, rtol=0)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(tmp_path):
+    path, (snapshot, _) = tmp_path / "b.safetensors", taken()
+    by_bank(path)
+    before = path.read_bytes()
+    other = [
+        {"snapshot": replace(snapshot, camera=snapshot.camera.replace(seed=1))},
+        {"snapshot": replace(snapshot, camera=snapshot.camera.replace(sensor=Sensor(read_noise=0.02)))},
+        {"prior": GaussianPrior.learn([smooth_scene(40, 50, 3, seed=7)], (6, 12))},
+    ]
+    for parts in other:
+        with pytest.raises(DataError, match="another camera, noise or prior"):
+            by_bank(path, **parts)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("content", [b"", b"abc" * 100, b"\x00" * 64])
+def test_what_is_no_bank_is_refused_and_stays(tmp_path, content):
+    path = tmp_path / "b.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=r"b\.safetensors"):
+        by_bank(path)
+    assert path.read_bytes() == content
+    save_file({"a": torch.zeros(3)}, path)
+    with pytest.raises(DataError, match="something else"):
+        by_bank(path)
+
+
+def rewritten(path, change):
+    """The same file with other tensors, whose sums are right."""
+    with safe_open(path, "pt") as file:
+        head, tensors = file.metadata(), {name: file.get_tensor(name).clone() for name in file.keys()}  # noqa: SIM118
+    change(tensors)
+    sums = ", ".join(str(bank_file._sum(tensors[name])) for name in sorted(tensors, key=order) if name in tensors)
+    head["tmca"] = re.sub(r'"sums": \[.*\]', f'"sums": [{sums}]', head["tmca"])
+    save_file(tensors, path, head)
+
+
+def order(name):
+    """As the file lists them."""
+    place, _, part = name.partition(".")
+    return (place == "deviation", place, bank_file._OF_CELLS.index(part) if part else 0)
+
+
+CHANGES = {
+    "a pixel beyond the frame": lambda t: t["00000.pixels"].fill_(10**9),
+    "a measurement before the snapshot": lambda t: t["00000.down"].fill_(-1),
+    "a measurement beyond the snapshot": lambda t: t["00001.across"].fill_(10**6),
+    "whole numbers": lambda t: t.update({"00000.matrix": t["00000.matrix"].int()}),
+    "other sides": lambda t: t.update({"00000.offset": t["00000.offset"][:, :-1].contiguous()}),
+    "no deviation": lambda t: t.pop("deviation"),
+    "another frame": lambda t: t.update(deviation=t["deviation"][..., :-1].contiguous()),
+}
+
+
+def test_a_bank_that_was_written_by_other_software_is_read(tmp_path, recwarn):
+    path = tmp_path / "b.safetensors"
+    first = by_bank(path)
+    rewritten(path, lambda tensors: None)
+    assert torch.equal(first.values, by_bank(path).values)
+    assert not [warning for warning in recwarn if warning.category is DamagedBank]
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_a_bank_whose_parts_do_not_go_together_is_made_anew(tmp_path, change):
+    path = tmp_path / "b.safetensors"
+    first = by_bank(path)
+    rewritten(path, change)
+    with pytest.warns(DamagedBank, match="made anew"):
+        again = by_bank(path)
+    assert torch.equal(first.values, again.values)
+    assert torch.equal(first.values, by_bank(path).values)
+
+
+def test_a_flipped_bit_is_noticed(tmp_path):
+    path = tmp_path / "b.safetensors"
+    first = by_bank(path)
+    content = bytearray(path.read_bytes())
+    content[-100] ^= 4
+    path.write_bytes(content)
+    with pytest.warns(DamagedBank):
+        assert torch.equal(first.values, by_bank(path).values)
+
+
+def test_decoders_without_a_bank_say_so(tmp_path, monkeypatch):
+    path, (snapshot, _) = tmp_path / "b.safetensors", taken()
+    with pytest.raises(SettingError, match="dagger has nothing to store"):
+        decode(snapshot, "dagger", bank=path)
+    monkeypatch.setattr(bank, "MOST_BYTES", 1000)
+    with pytest.raises(SettingError, match="codes that repeat themselves"):
+        by_bank(path)
+    assert not path.exists()
+
+
+def test_a_bank_that_cannot_be_written_is_told(tmp_path):
+    with pytest.raises(OutputError, match="no such folder"):
+        by_bank(tmp_path / "none" / "b.safetensors")

@@ -258,6 +258,20 @@ def _two_headed(camera: Any) -> Any:
     return build_depth_network({"start": "snapshot", **NET}, camera)
 
 
+def _read_bank(path: Path) -> Any:
+    """The estimate by a bank, which is made where there is none."""
+    import torch
+
+    from tmca.decoders import make_decoder
+    from tmca.priors import GaussianPrior
+
+    camera = _spectral((6, 20), period=2)
+    scene = torch.rand(3, 12, 30, generator=torch.Generator().manual_seed(1))
+    prior = GaussianPrior.learn([scene], (2, 5), wavelengths=BANDS)
+    prepared = make_decoder("lmmse", "spectral", {"uncertainty": True}).prepare(camera, prior, bank=path)
+    return prepared(camera(torch.full((1, 3, 6, 20), 0.5), generator=0)).values
+
+
 def _read_weights(path: Path) -> Any:
     from tmca.decoders import Weights
 
@@ -271,6 +285,7 @@ def _with_prior(path: Path) -> None:
     _weights(lambda: _spectral(period=3), _built("unrolled", stages=1, **NET), path.with_suffix(".nc").name)(path)
 
 
+kind("bank.safetensors", _read_bank, _read_bank)
 kind("unet-weights.safetensors", _weights(_spectral, _built("unet", **NET)), _read_weights)
 kind("unrolled-weights.safetensors", _with_prior, _read_weights)
 kind(

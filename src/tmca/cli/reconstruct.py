@@ -34,6 +34,7 @@ def reconstruct(
     uncertainty: On = True,
     window: MaybeWhole = None,
     device: str | None = None,
+    bank: Path | None = None,
     reading: Annotated[TruthReading, READING] = _READING,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -60,6 +61,8 @@ def reconstruct(
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
+        bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
+            none, read by the next command.
     """
     from tmca.applications import application_of, evaluate
     from tmca.applications.imaging import metric_notes
@@ -83,7 +86,7 @@ def reconstruct(
         compare_scene(taken.notes, truth)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        estimate = decode(taken, decoder, prior=prior_file, progress=progress, device=device, **settings)
+        estimate = decode(taken, decoder, prior=prior_file, progress=progress, device=device, bank=bank, **settings)
     metrics = {} if scene is None else evaluate(estimate, scene)
     if scene is None:
         warn_of_estimate(estimate.values.numpy(force=True), "estimate")

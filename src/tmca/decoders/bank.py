@@ -70,6 +70,8 @@ Places = Sequence[tuple[int, int]]
 """(top, left) of blocks or cells."""
 Covering = tuple[tuple[int, int, int], ...]
 """The blocks over a cell: (top, left) from its corner, and the group that they belong to."""
+Classes = dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]]
+"""Corners of equal cells by the blocks over them and their (height, width)."""
 
 
 @dataclass(frozen=True)
@@ -89,35 +91,27 @@ class Bank:
     @classmethod
     def of(
         cls, grid: BlockGrid, code: Tensor, groups: Sequence[Places], window: Tensor, solver: GaussianSolver
-    ) -> Bank:
-        """The bank of a prior, a camera and its noise, as ``solver`` has them.
+    ) -> Bank | None:
+        """The bank of a prior, a camera and its noise, as ``solver`` has them; None where its matrices take more than
+        ``MOST_BYTES``.
 
         Args:
             grid, code, groups: see `tmca.decoders.lmmse.BlockLayout`.
             window: (L, h, w) weights of the places in a block.
         """
+        classes = _classes(grid, groups)
+        if _bytes(grid.model, len(groups), classes, solver.dtype) > MOST_BYTES:
+            return None
         weights = window.to(solver.dtype)
         valid, (first, last) = torch.zeros_like(weights), grid.model.valid
         valid[..., first:last] = weights[..., first:last]
         blocks = [BlockMatrices.of(solver, grid.code_windows(code, [places[0]]), weights, valid) for places in groups]
         cells = [
             _cell(grid, corners, covering, sides, blocks, (weights, valid))
-            for (covering, sides), corners in _classes(grid, groups).items()
+            for (covering, sides), corners in classes.items()
         ]
         deviations = [cell.deviation.expand(1, len(cell.pixels), -1, -1, -1) for cell in cells]
         return cls(grid, cells, _laid(cells, deviations, grid.frame))
-
-    @classmethod
-    def fits(cls, grid: BlockGrid, groups: Sequence[Places], dtype: torch.dtype) -> bool:
-        """Whether the matrices take no more than ``MOST_BYTES``."""
-        model = grid.model
-        entries = len(groups) * model.measurements * prod(model.block)
-        if entries * dtype.itemsize > MOST_BYTES:
-            return False
-        for covering, sides in _classes(grid, groups):
-            _, _, rows, columns = _box(covering, model)
-            entries += model.buckets * rows * columns * model.block[0] * prod(sides)
-        return entries * dtype.itemsize <= MOST_BYTES
 
     def estimate(self, snapshot: Tensor) -> Tensor:
         """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
@@ -130,14 +124,21 @@ class Bank:
         return _laid(self.cells, values, self.grid.frame)
 
 
-def _classes(
-    grid: BlockGrid, groups: Sequence[Places]
-) -> dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]]:
+def _bytes(model: BlockModel, blocks: int, classes: Classes, dtype: torch.dtype) -> int:
+    """That the matrices of blocks and cells take."""
+    entries = blocks * model.measurements * prod(model.block)
+    for covering, sides in classes:
+        _, _, rows, columns = _box(covering, model)
+        entries += model.buckets * rows * columns * model.block[0] * prod(sides)
+    return entries * dtype.itemsize
+
+
+def _classes(grid: BlockGrid, groups: Sequence[Places]) -> Classes:
     """Corners of cells by the blocks over them and their (height, width)."""
     (height, width), (_, h, w) = grid.frame, grid.model.block
     group_of = {place: group for group, places in enumerate(groups) for place in places}
     down, across = (_step(starts) for starts in (grid.tops, grid.lefts))
-    classes: dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]] = {}
+    classes: Classes = {}
     for top in range(0, height, down or height):
         for left in range(0, width, across or width):
             sides = (min(down or height, height - top), min(across or width, width - left))

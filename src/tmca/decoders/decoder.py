@@ -204,8 +204,14 @@ class Decoder(ABC):
         """What depends on camera, noise and prior alone, computed once for all snapshots; the camera itself."""
         return camera
 
-    def precompute(self, prepared: Any) -> Any:
-        """What ``setup`` returned, with what pays only where several snapshots follow; unchanged by default."""
+    def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
+        """What ``setup`` returned, with what pays only where several snapshots follow; unchanged by default.
+
+        Raises:
+            SettingError: a file for a bank, of a decoder that has none.
+        """
+        if bank is not None:
+            raise SettingError("bank", str(bank), f"none: {self.name} has nothing to store", "leave it out")
         return prepared
 
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
@@ -221,7 +227,12 @@ class Decoder(ABC):
         return tuple(camera.scene_shape)
 
     def prepare(
-        self, camera: Any, prior: str | Path | Prior | None = None, progress: Progress | None = None
+        self,
+        camera: Any,
+        prior: str | Path | Prior | None = None,
+        progress: Progress | None = None,
+        *,
+        bank: str | Path | None = None,
     ) -> Prepared:
         """The decoder made ready for many snapshots of a camera.
 
@@ -229,10 +240,15 @@ class Decoder(ABC):
             camera: with its codes and sensor.
             prior: a prior, its file, or None for that of the rendered scenes.
             progress: called with what is done where a prior has to be learned.
+            bank: file that stores what was computed (lmmse): read where it is there, written where it is not.
 
         Raises:
-            SettingError, ShapeError, DataError: a camera that it does not decode, a setting of another type, or a
-                prior that does not fit.
+            SettingError, ShapeError, DataError: a camera that it does not decode, a setting of another type, a prior
+                that does not fit, or a bank of something else.
+            OutputError: a bank that cannot be written.
+
+        Warns:
+            DamagedBank: one that was made anew.
 
         >>> import torch, tmca.cameras
         >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
@@ -241,9 +257,11 @@ class Decoder(ABC):
         >>> [tuple(estimate.values.shape) for estimate in prepared.stream(torch.rand(2, 1, 8, 10))]
         [(1, 3, 8, 8), (1, 3, 8, 8)]
         """
-        return self._prepare(camera, prior, progress, many=True)
+        return self._prepare(camera, prior, progress, many=True, bank=None if bank is None else Path(bank))
 
-    def _prepare(self, camera: Any, prior: Any, progress: Progress | None, *, many: bool) -> Prepared:
+    def _prepare(
+        self, camera: Any, prior: Any, progress: Progress | None, *, many: bool, bank: Path | None = None
+    ) -> Prepared:
         if not decodes(type(self), camera.kind):
             wanted = f"one of {', '.join(decoders_for(camera.kind))}"
             raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
@@ -253,7 +271,7 @@ class Decoder(ABC):
         with torch.no_grad():
             state = decoder.setup(camera, chosen)
             if many:
-                state = decoder.precompute(state)
+                state = decoder.precompute(state, bank)
         return Prepared(decoder, camera, state, time.perf_counter() - start)
 
     def _checked(self) -> Decoder:

@@ -26,6 +26,7 @@ def decode(
     prior: str | Path | Prior | None = None,
     progress: Progress | None = None,
     device: str | torch.device | None = None,
+    bank: str | Path | None = None,
     **settings: Any,
 ) -> Estimate:
     """Recover the scene of a snapshot of any camera.
@@ -37,11 +38,13 @@ def decode(
         progress: called with the share that is done.
         device: where it is decoded, and where the estimate lies: ``"cuda"``, ``"cpu"``; None where the snapshot
             is, or as `tmca.devices.computing_on` says.
+        bank: file that stores what depends on camera, noise and prior alone, for the next snapshot (lmmse); see
+            `Decoder.prepare`.
         settings: of the decoder.
 
     Raises:
         SettingError: an unknown decoder or setting, a camera or prior that does not fit, or a device that is not there.
-        DataError: a file that holds no snapshot.
+        DataError: a file that holds no snapshot, or a bank of something else.
 
     >>> import torch, tmca.cameras
     >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
@@ -57,8 +60,13 @@ def decode(
     where = usual_device() if device is None else device
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
+    made = make_decoder(decoder or usual_decoder(kind), kind, settings)
     try:
-        return make_decoder(decoder or usual_decoder(kind), kind, settings)(snapshot, prior, progress)
+        if bank is None:
+            return made(snapshot, prior, progress)
+        prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
+        estimate = prepared(snapshot, progress)
+        return replace(estimate, seconds=estimate.seconds + prepared.seconds)
     except torch.OutOfMemoryError as error:
         found = f"{snapshot.values.device}, whose memory is too small ({reason(error)})"
         raise SettingError("device", found, "room for the decoder", "decode on the cpu, or close other work") from None

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import blake2b
 from math import prod
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from tmca.decoders.bank import Bank
+from tmca.decoders.bank_file import bank_key, stored_bank, write_bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.errors import check_range, check_shape
+from tmca.errors import SettingError, check_range, check_shape
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
@@ -23,6 +26,7 @@ from tmca.sensor import Noise
 
 MEMORY = 2**27
 """Bytes of the covariances of measurements with pixels that are held at once."""
+_NO_BANK = "leave the file out: every frame is then solved anew"
 Places = list[tuple[int, int]]
 """(top, left) of blocks."""
 Solver = GaussianSolver | MixtureSolver
@@ -80,22 +84,39 @@ class PatchEstimator:
             else GaussianSolver(prior, model, noise, dtype)
         )
         self.layout = BlockLayout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
-        self.window = self.layout.window(self.solver)
+        self.prior, self.noise = prior, noise
         self.bank: Bank | None = None
 
+    @cached_property
+    def window(self) -> Tensor:
+        """(L, h, w) weights of the places in a block."""
+        return self.layout.window(self.solver)
+
     @torch.no_grad()
-    def precompute(self) -> PatchEstimator:
+    def precompute(self, file: Path | None = None) -> PatchEstimator:
         """Compute what all snapshots have in common: the next ones take a tenth of the time, and are the same to
         rounding.
 
         Nothing is done under a mixture, where gradients are asked for, or where blocks see too many different windows
         of the code: those of tiles fit, those of large masks do not (``tmca.decoders.bank.MOST_BYTES``).
+
+        Args:
+            file: that holds the bank: read where it is there, written where it is not.
+
+        Raises:
+            SettingError: a file, but nothing that could be in it.
+            DataError, OutputError: see `stored_bank` and `write_bank`.
         """
-        layout, solver = self.layout, self.solver
-        if self.differentiable or not isinstance(solver, GaussianSolver):
-            return self
-        if Bank.fits(layout.grid, layout.groups, solver.dtype):
-            self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
+        layout, solver, prior = self.layout, self.solver, self.prior
+        if not self.differentiable and isinstance(solver, GaussianSolver) and isinstance(prior, GaussianPrior):
+            key = bank_key(prior, self.taps, self.noise, layout.grid, solver.dtype) if file else ""
+            self.bank = stored_bank(file, key, layout.grid, self.taps) if file else None
+            if self.bank is None:
+                self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
+                if self.bank is not None and file:
+                    write_bank(self.bank, key, file)
+        if self.bank is None and file:
+            raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
         return self
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
@@ -143,11 +164,10 @@ def _period(code: Tensor, axis: int) -> int | None:
 
 @dataclass(frozen=True)
 class BlockLayout:
-    """Where blocks lie over the padded code (taps, H, W) of a camera, in groups that see equal windows of it."""
+    """Where blocks lie over the padded code (taps, H, W) of a camera."""
 
     grid: BlockGrid
     code: Tensor
-    groups: list[Places]
 
     @classmethod
     def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> BlockLayout:
@@ -155,7 +175,12 @@ class BlockLayout:
         stride = (min(stride[0], model.block[1]), stride[1])
         grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
         code = grid.pad_code(taps.code if differentiable else taps.code.detach())
-        return cls(grid, code, equal_windows(grid, code))
+        return cls(grid, code)
+
+    @cached_property
+    def groups(self) -> list[Places]:
+        """Positions of blocks that see equal windows of the code."""
+        return equal_windows(self.grid, self.code)
 
     def window(self, solver: Solver) -> Tensor:
         """(L, h, w) weights of the places in a block."""
@@ -266,8 +291,10 @@ class LMMSE(Decoder):
     def setup(self, camera: Any, prior: Any) -> Any:
         return PatchEstimator(prior, camera.taps(), camera.noise)
 
-    def precompute(self, prepared: Any) -> Any:
-        return prepared.precompute() if isinstance(prepared, PatchEstimator) else prepared
+    def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
+        if isinstance(prepared, PatchEstimator):
+            return prepared.precompute(bank)
+        return super().precompute(prepared, bank)
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         blended = prepared(values, uncertainty=self.uncertainty, progress=progress)
