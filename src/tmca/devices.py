@@ -1,4 +1,4 @@
-"""Where decoders compute: a device by its name, and the one that is used where none is named."""
+"""Where decoders compute: a device by its name, the one that is used where none is named, and what its memory lacks."""
 
 from __future__ import annotations
 
@@ -8,24 +8,31 @@ from contextvars import ContextVar
 
 import torch
 
+from tmca.arguments import described, reason
 from tmca.errors import SettingError
 
+_KINDS = ("cpu", "cuda")
 _USUAL: ContextVar[torch.device | None] = ContextVar("device", default=None)
 
 
 def device_of(name: str | torch.device) -> torch.device:
-    """A device by its name, ``"cpu"``, ``"cuda"``, ``"cuda:1"`` or ``"mps"``.
+    """A device by its name, ``"cpu"``, ``"cuda"`` or ``"cuda:1"``.
 
     Raises:
-        SettingError: no such device, or one that this machine does not have.
+        SettingError: no such device, one that this machine does not have, or one without any free memory.
     """
     try:
         device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError, NotImplementedError):
-        there = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
-        raise SettingError("device", repr(str(name)), f"one of this machine: {', '.join(there)}") from None
-    return device
+        if device.type in _KINDS:
+            with enough_memory(device):
+                torch.zeros(1, device=device)
+            return device
+    except SettingError:
+        raise
+    except (RuntimeError, AssertionError, TypeError):
+        pass
+    there = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]
+    raise SettingError("device", described(name), f"one of this machine: {', '.join(there)}")
 
 
 def usual_device() -> torch.device | None:
@@ -34,7 +41,7 @@ def usual_device() -> torch.device | None:
 
 
 @contextmanager
-def computing_on(name: str | None) -> Iterator[None]:
+def computing_on(name: str | torch.device | None) -> Iterator[None]:
     """Within it decoders compute on a device, where none is named; None changes nothing.
 
     Raises:
@@ -45,3 +52,13 @@ def computing_on(name: str | None) -> Iterator[None]:
         yield
     finally:
         _USUAL.reset(token)
+
+
+@contextmanager
+def enough_memory(device: torch.device) -> Iterator[None]:
+    """Raises SettingError where the memory of a device is too small for what is computed within."""
+    try:
+        yield
+    except torch.OutOfMemoryError as error:
+        found = f"{device}, whose memory is too small ({reason(error)})"
+        raise SettingError("device", found, "room for the decoder", "decode on the cpu, or close other work") from None

@@ -6,6 +6,8 @@ import errno
 import json
 import os
 import resource
+import threading
+import time
 from pathlib import Path
 
 import h5py
@@ -262,3 +264,25 @@ def test_attributes_alone_are_those_of_the_whole_file(tmp_path, kind):
     assert alone.keys() == whole.keys()
     assert all(np.array_equal(alone[name], whole[name]) for name in whole)
     assert alone["date"] == "2026-03-31"
+
+
+def test_what_a_thread_writes_on_after_a_failure_does_not_stay(tmp_path):
+    """As Zarr's do, which make the folders of their files anew."""
+
+    def write_on(place):
+        time.sleep(0.15)
+        place.mkdir(parents=True, exist_ok=True)
+        (place / "late").touch()
+
+    def fail():
+        with atomic_path(tmp_path / "a.zarr") as temporary:
+            temporary.mkdir()
+            threads.append(threading.Thread(target=write_on, args=(temporary,)))
+            threads[0].start()
+            raise OutputError("a", "nothing", "something")
+
+    threads = []
+    with pytest.raises(OutputError):
+        fail()
+    threads[0].join()
+    assert [*tmp_path.iterdir()] == []

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from warnings import catch_warnings, simplefilter
 
 import pytest
 import torch
@@ -139,6 +140,8 @@ def test_a_bank_in_a_file_decodes_as_the_one_that_was_computed(tmp_path, monkeyp
     assert torch.equal(first.deviation, again.deviation)
     torch.testing.assert_close(again.values, decode(snapshot, "lmmse", prior=prior).values, atol=1e-4, rtol=0)
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
+    (tmp_path / "other").touch()
+    assert path.stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
 def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(tmp_path):
@@ -160,12 +163,18 @@ def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(tmp_path):
 def test_what_is_no_bank_is_refused_and_stays(tmp_path, content):
     path = tmp_path / "b.safetensors"
     path.write_bytes(content)
-    with pytest.raises(DataError, match=r"b\.safetensors"):
+    with pytest.raises(DataError, match=r"b\.safetensors.*name another file"):
         by_bank(path)
     assert path.read_bytes() == content
     save_file({"a": torch.zeros(3)}, path)
     with pytest.raises(DataError, match="something else"):
         by_bank(path)
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(DataError, match="name another file"):
+        by_bank(tmp_path / "folder")
+    for wrong in (3, False, "a\0b"):
+        with pytest.raises(SettingError, match="expected a file"):
+            by_bank(wrong)
 
 
 def rewritten(path, change):
@@ -181,13 +190,18 @@ def rewritten(path, change):
 def order(name):
     """As the file lists them."""
     place, _, part = name.partition(".")
-    return (place == "deviation", place, bank_file._OF_CELLS.index(part) if part else 0)
+    parts = (*bank_file._PLACES, *bank_file._NUMBERS)
+    return (place == "code", place == "deviation", place, parts.index(part) if part else 0)
 
 
 CHANGES = {
     "a pixel beyond the frame": lambda t: t["00000.pixels"].fill_(10**9),
     "a measurement before the snapshot": lambda t: t["00000.down"].fill_(-1),
     "a measurement beyond the snapshot": lambda t: t["00001.across"].fill_(10**6),
+    "a pixel twice": lambda t: t["00000.pixels"][0].fill_(int(t["00001.pixels"].flatten()[0])),
+    "places without an axis": lambda t: t.update({"00000.down": t["00000.down"][0].clone()}),
+    "a deviation in double precision": lambda t: t.update(deviation=t["deviation"].double()),
+    "no number": lambda t: t["00000.matrix"].fill_(float("nan")),
     "whole numbers": lambda t: t.update({"00000.matrix": t["00000.matrix"].int()}),
     "other sides": lambda t: t.update({"00000.offset": t["00000.offset"][:, :-1].contiguous()}),
     "no deviation": lambda t: t.pop("deviation"),
@@ -214,14 +228,34 @@ def test_a_bank_whose_parts_do_not_go_together_is_made_anew(tmp_path, change):
     assert torch.equal(first.values, by_bank(path).values)
 
 
-def test_a_flipped_bit_is_noticed(tmp_path):
+DAMAGES = {
+    "a flipped bit": lambda content: content[:-100] + bytes([content[-100] ^ 4]) + content[-99:],
+    "cut": lambda content: content[: len(content) // 2],
+    "another head": lambda content: content.replace(b"boxes", b"boxen", 1),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_file_is_made_anew(tmp_path, damage):
     path = tmp_path / "b.safetensors"
     first = by_bank(path)
-    content = bytearray(path.read_bytes())
-    content[-100] ^= 4
-    path.write_bytes(content)
-    with pytest.warns(DamagedBank):
+    content = path.read_bytes()
+    path.write_bytes(damage(content))
+    with pytest.warns(DamagedBank, match="made anew"):
         assert torch.equal(first.values, by_bank(path).values)
+    with catch_warnings():
+        simplefilter("error")
+        assert torch.equal(first.values, by_bank(path).values)
+
+
+def test_a_code_with_other_last_bits_is_the_same(tmp_path):
+    path, (snapshot, prior) = tmp_path / "b.safetensors", taken()
+    taps = snapshot.camera.taps()
+    by_bank(path)
+    near = replace(taps, code=taps.code * (1 + 1e-7))
+    assert PatchEstimator(prior, near, snapshot.camera.noise).precompute(path).bank is not None
+    with pytest.raises(DataError, match="another camera"):
+        PatchEstimator(prior, replace(taps, code=taps.code * 1.001), snapshot.camera.noise).precompute(path)
 
 
 def test_decoders_without_a_bank_say_so(tmp_path, monkeypatch):

@@ -17,9 +17,10 @@ def taken():
 
 def test_a_snapshot_goes_to_a_device_as_a_copy():
     snapshot = taken()
-    there = snapshot.to("meta")
-    assert there.values.device.type == there.camera.response.device.type == "meta"
-    assert snapshot.camera.response.device.type == snapshot.values.device.type == "cpu"
+    there = snapshot.to("cpu")
+    assert there.camera is not snapshot.camera
+    assert torch.equal(there.camera.codes()[0], snapshot.camera.codes()[0])
+    assert torch.equal(there.values, snapshot.values)
     assert there.notes == snapshot.notes
 
 
@@ -35,7 +36,7 @@ def test_a_device_that_is_named_computes_the_same():
         assert usual_device() is None
 
 
-@pytest.mark.parametrize("name", ["cuda:99", "nowhere", "", "cpu:-3"])
+@pytest.mark.parametrize("name", ["cuda:99", "nowhere", "", "cpu:-3", "meta", "hpu", ["cpu"]])
 def test_a_device_that_is_not_there_is_refused(name):
     with pytest.raises(SettingError, match="one of this machine: cpu") as refusal:
         device_of(name)
@@ -54,6 +55,8 @@ def test_a_device_without_room_is_told_in_one_line(monkeypatch):
     with pytest.raises(SettingError, match=r"20.00 GiB.*decode on the cpu") as refusal:
         decode(taken(), "dagger")
     assert "\n" not in str(refusal.value)
+    with pytest.raises(SettingError, match="decode on the cpu"):
+        DECODERS["dagger"]().prepare(taken().camera)(taken())
 
 
 def test_weights_at_other_bands_name_the_first_that_differs():

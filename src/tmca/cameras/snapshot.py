@@ -20,7 +20,7 @@ from tmca.attributes import Attributes, FiniteJson, attributes_of
 from tmca.cameras.camera import CAMERAS, Camera
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
-from tmca.devices import device_of
+from tmca.devices import device_of, enough_memory
 from tmca.errors import DataError, SettingError, check_shape
 from tmca.plugins import load_plugins
 
@@ -57,10 +57,11 @@ class Snapshot(Generic[Kind]):
         """The snapshot on a device, its camera a copy there.
 
         Raises:
-            SettingError: a device that is not there.
+            SettingError: a device that is not there, or has too little memory.
         """
         there = device_of(device)
-        return replace(self, values=self.values.to(there), camera=deepcopy(self.camera).to(there))
+        with enough_memory(there):
+            return replace(self, values=self.values.to(there), camera=deepcopy(self.camera).to(there))
 
     def to_xarray(self) -> xr.Dataset:
         """The snapshot with the codes, optics and sensor that made it, labelled.

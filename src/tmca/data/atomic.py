@@ -21,8 +21,8 @@ from tmca.data.folders import output_error
 from tmca.data.locks import LOCK, NoLocks, lock
 from tmca.errors import OutputError
 
-_PATIENCE, _QUIET = 5.0, 0.3
-"""Seconds: within which threads of a writer that failed must have ended, and of silence after which they have."""
+_PATIENCE, _QUIET = 1.0, 0.3
+"""Seconds: for which a deletion is tried, and of silence after which the threads of a failed writer have ended."""
 _LEFT, _OLD = re.compile(r"\..+\.[0-9a-f]{12}\.tmp"), ".old"
 _NOREPLACE, _EXCHANGE, _HERE = 1, 2, -100
 """Of Linux: flags of ``renameat2``, and ``AT_FDCWD``."""
@@ -97,12 +97,12 @@ def _workshop(path: Path) -> Iterator[Path]:
         except OSError:
             folder.rmdir()
             raise
-    quiet = _QUIET
+    failed = True
     try:
         yield folder
-        quiet = 0.0
+        failed = False
     finally:
-        _remove(folder, quiet)
+        _remove(folder, _QUIET if failed and (folder / path.name).is_dir() else 0.0)
         if handle is not None:
             handle.close()
 
@@ -191,7 +191,7 @@ def _remove(temporary: Path, quiet: float = 0.0) -> None:
     """Delete a file or folder until it stays away for ``quiet`` seconds: a writer's own threads (Zarr's) may go on
     putting files there after it failed."""
     begun = seen = time.monotonic()
-    while time.monotonic() < begun + _PATIENCE:
+    while time.monotonic() < begun + _PATIENCE + 10 * quiet:
         if temporary.is_dir():
             shutil.rmtree(temporary, ignore_errors=True)
             seen = time.monotonic()

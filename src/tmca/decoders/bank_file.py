@@ -28,7 +28,12 @@ from tmca.sensor import Noise
 
 FORMAT = "tmca bank 1"
 """Raised when what banks hold, or how they are computed, changes."""
-_OF_CELLS = ("pixels", "down", "across", "matrix", "offset", "deviation")
+_PLACES, _NUMBERS = ("pixels", "down", "across"), ("matrix", "offset", "deviation")
+_NAME = "name another file"
+_LONGEST_HEAD = 2**26
+"""Bytes."""
+_SAME_CODE = 1e-6
+"""Relative to its largest value: what devices compute of a code otherwise."""
 Side = Annotated[int, Field(ge=1)]
 
 
@@ -51,33 +56,37 @@ class _About(Attributes):
 
 
 def bank_key(prior: GaussianPrior, taps: Taps, noise: Noise, grid: BlockGrid, dtype: torch.dtype) -> str:
-    """Digest of all that a bank depends on."""
+    """Digest of all that a bank depends on but the code, which devices compute with other last bits."""
     digest = blake2b(digest_size=20)
     layout = (taps.channels, taps.offsets, taps.snapshot_width, taps.buckets, grid.tops, grid.lefts, str(dtype))
-    digest.update(repr((FORMAT, layout, float(noise.read), float(noise.shot), prior.block)).encode())
-    for part in (taps.code, prior.mean, prior.moments):
+    digest.update(repr((FORMAT, layout, tuple(taps.code.shape), noise.read, noise.shot, prior.block)).encode())
+    for part in (prior.mean, prior.moments):
         digest.update(repr((part.dtype, part.shape)).encode())
         digest.update(part.detach().contiguous().cpu().numpy().data)
     return digest.hexdigest()
 
 
-def write_bank(bank: Bank, key: str, path: Path) -> None:
+def write_bank(bank: Bank, code: Tensor, key: str, path: Path) -> None:
     """Write a file, whole or not at all; what was there is replaced.
 
     Raises:
         OutputError: it cannot be written.
     """
-    tensors = {name: value.detach().cpu().contiguous() for name, value in _tensors(bank)}
+    tensors = {name: value.detach().cpu().contiguous() for name, value in _tensors(bank, code)}
     about = {"key": key, "boxes": [cell.box for cell in bank.cells], "sums": [*map(_sum, tensors.values())]}
     with atomic_path(path, overwrite=True) as temporary:
+        temporary.touch()
+        mode = temporary.stat().st_mode  # that of any file of the user; those of safetensors are closed to others
         try:
             save_file(tensors, temporary, {"format": FORMAT, "tmca": json.dumps(about)})
+            temporary.chmod(mode)
         except SafetensorError as error:
-            raise OutputError(path, reason(error), "room for a bank", "free some, or leave the file out") from None
+            found, remedy = reason(error), "free some room, or leave the file out"
+            raise OutputError(path, found, "a bank written whole", remedy) from None
 
 
-def stored_bank(path: Path, key: str, grid: BlockGrid, taps: Taps) -> Bank | None:
-    """The bank of a file; None without one, or where it is damaged.
+def stored_bank(path: Path, key: str, grid: BlockGrid, taps: Taps, dtype: torch.dtype) -> Bank | None:
+    """The bank of a file, its numbers of a type; None without one, or where it is damaged.
 
     Raises:
         DataError: a file of something else, or of another camera, noise or prior: it is not touched.
@@ -87,50 +96,77 @@ def stored_bank(path: Path, key: str, grid: BlockGrid, taps: Taps) -> Bank | Non
     """
     if not path.exists():
         return None
+    head = _head(path)
     try:
-        with safe_open(path, "pt") as file:
-            head = file.metadata() or {}
-            names = set(file.keys())
-            tensors = {name: file.get_tensor(name) for name in sorted(names)} if _is_bank(head) else {}
-    except (SafetensorError, OSError) as error:
-        raise DataError(path, f"no readable bank ({reason(error)})", "one of tmca", "delete it") from None
-    if not _is_bank(head):
-        raise DataError(path, "a file of something else", "a bank of tmca", "name another file")
-    about = json_of(head["tmca"], path, _About)
-    if about.key != key:
-        found = "the bank of another camera, noise or prior"
-        raise DataError(path, found, "this one's", "name another file, or delete it")
-    bank = _bank(about, tensors, grid)
-    if bank is None or not _fits(bank, taps):
-        warn(f"{path}: damaged, and made anew", DamagedBank, stacklevel=2)
+        about = json_of(head["tmca"], path, _About)
+        tensors = _read(path) if about.key == key else {}
+    except (KeyError, DataError, SafetensorError, OSError):
+        _warn_of(path)
         return None
+    if about.key != key:
+        raise _another(path)
+    bank, code = _bank(about, tensors, grid, dtype), tensors.get("code")
+    if bank is None or code is None or code.shape != taps.code.shape or not _fits(bank, taps):
+        _warn_of(path)
+        return None
+    if float((code - taps.code.detach().cpu().float()).abs().max()) > _SAME_CODE * float(code.abs().max()):
+        raise _another(path)
     return _moved(bank, taps.code.device)
 
 
-def _is_bank(head: dict[str, str]) -> bool:
-    return head.get("format") == FORMAT and "tmca" in head
+def _head(path: Path) -> dict[str, Any]:
+    """What the head of a bank says, also where the rest of the file is damaged; DataError for other files."""
+    try:
+        with path.open("rb") as file:
+            length = int.from_bytes(file.read(8), "little")
+            head = json.loads(file.read(length)).get("__metadata__", {}) if length <= _LONGEST_HEAD else {}
+            found = {} if head.get("format") != FORMAT else head
+    except (OSError, ValueError, AttributeError, RecursionError):
+        found = {}
+    if not found:
+        raise DataError(path, "a file of something else, or its beginning is damaged", "a bank of tmca", _NAME)
+    return dict(found)
 
 
-def _tensors(bank: Bank) -> Iterator[tuple[str, Tensor]]:
+def _read(path: Path) -> dict[str, Tensor]:
+    with safe_open(path, "pt") as file:
+        return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+
+
+def _warn_of(path: Path) -> None:
+    warn(f"{path}: damaged, and made anew", DamagedBank, stacklevel=3)
+
+
+def _another(path: Path) -> DataError:
+    return DataError(path, "the bank of another camera, noise or prior", "this one's", f"{_NAME}, or delete it")
+
+
+def _tensors(bank: Bank, code: Tensor) -> Iterator[tuple[str, Tensor]]:
     for place, cell in enumerate(bank.cells):
-        for name in _OF_CELLS:
+        for name in (*_PLACES, *_NUMBERS):
             yield f"{place:05d}.{name}", getattr(cell, name)
     yield "deviation", bank.deviation
+    yield "code", code
 
 
 def _sum(tensor: Tensor) -> int:
-    """Of its words: any flipped bit changes it, and it is read as fast as memory is."""
+    """Of the words of numbers of 4 or 8 bytes: any flipped bit changes it, and it is read as fast as memory is."""
     return int(tensor.contiguous().flatten().view(torch.int32).sum(dtype=torch.int64)) if tensor.numel() else 0
 
 
-def _bank(about: _About, tensors: dict[str, Tensor], grid: BlockGrid) -> Bank | None:
+def _bank(about: _About, tensors: dict[str, Tensor], grid: BlockGrid, dtype: torch.dtype) -> Bank | None:
     """The bank that a head and tensors make; None where these are not what the head says."""
-    parts = [{name: tensors.get(f"{place:05d}.{name}") for name in _OF_CELLS} for place in range(len(about.boxes))]
-    named = [part for group in parts for part in group.values()] + [tensors.get("deviation")]
-    whole = [part for part in named if part is not None]
-    if len(whole) < len(named) or [*map(_sum, whole)] != [*about.sums]:
+    types = {**dict.fromkeys(_PLACES, torch.int64), **dict.fromkeys(_NUMBERS, dtype)}
+    names = [(f"{place:05d}.{name}", kind) for place in range(len(about.boxes)) for name, kind in types.items()]
+    names += [("deviation", dtype), ("code", torch.float32)]
+    if any(name not in tensors or tensors[name].dtype != kind for name, kind in names):
         return None
-    cells = [EqualCells(box=box, **group) for box, group in zip(about.boxes, parts, strict=True)]  # type: ignore[arg-type]
+    if [_sum(tensors[name]) for name, _ in names] != [*about.sums]:
+        return None
+    cells = [
+        EqualCells(box=box, **{name: tensors[f"{place:05d}.{name}"] for name in types})
+        for place, box in enumerate(about.boxes)
+    ]
     return Bank(grid, cells, tensors["deviation"])
 
 
@@ -138,33 +174,37 @@ def _fits(bank: Bank, taps: Taps) -> bool:
     """Whether the cells make up a frame of the camera, and all measurements are there."""
     channels, (height, width) = taps.scene_channels, bank.grid.frame
     seen = bank.grid.pad_snapshot(torch.empty(1, *taps.snapshot_shape, device="meta")).shape[1:]
-    covered = sum(cell.pixels.numel() for cell in bank.cells)
-    alike = tuple(bank.deviation.shape) == (1, channels, height, width) and bank.deviation.is_floating_point()
-    return alike and covered == height * width and all(_inside(cell, seen, channels, covered) for cell in bank.cells)
+    if tuple(bank.deviation.shape) != (1, channels, height, width) or not _finite(bank.deviation):
+        return False
+    if not all(_inside(cell, seen, channels, height * width) for cell in bank.cells):
+        return False
+    pixels = torch.cat([cell.pixels.flatten() for cell in bank.cells])
+    return len(pixels) == height * width and bool((pixels.bincount(minlength=height * width) == 1).all())
 
 
 def _inside(cell: EqualCells, seen: torch.Size, channels: int, pixels: int) -> bool:
     """Whether tensors of cells go together, and their indices lie within the snapshot (R, rows, columns) and the
     frame."""
-    sides = cell.offset.shape[1:]
-    count, area = len(cell.down), prod(sides)
-    shapes = [tuple(getattr(cell, name).shape) for name in _OF_CELLS]
-    wanted = [(count, area), (count,), (count,), (seen[0] * prod(cell.box), channels * area)]
-    places, numbers = (cell.pixels, cell.down, cell.across), (cell.matrix, cell.offset, cell.deviation)
-    ends = (pixels - 1, seen[1] - cell.box[0], seen[2] - cell.box[1])
+    sides, count = cell.offset.shape[1:], cell.down.numel()
+    shapes = [tuple(getattr(cell, name).shape) for name in (*_PLACES, *_NUMBERS)]
+    wanted = [(count, prod(sides)), (count,), (count,), (seen[0] * prod(cell.box), channels * prod(sides))]
+    places, ends = (cell.pixels, cell.down, cell.across), (pixels - 1, seen[1] - cell.box[0], seen[2] - cell.box[1])
     return (
         len(sides) == 2
-        and count > 0
+        and count * prod(sides) > 0
         and shapes == [*wanted, (channels, *sides), (channels, *sides)]
-        and all(part.dtype == torch.int64 for part in places)
-        and all(part.dtype == cell.matrix.dtype and part.is_floating_point() for part in numbers)
         and all(int(part.min()) >= 0 and int(part.max()) <= end for part, end in zip(places, ends, strict=True))
+        and all(map(_finite, (cell.matrix, cell.offset, cell.deviation)))
     )
+
+
+def _finite(numbers: Tensor) -> bool:
+    return bool(numbers.sum().isfinite())
 
 
 def _moved(bank: Bank, device: torch.device) -> Bank:
     def there(cell: EqualCells) -> EqualCells:
-        moved: dict[str, Any] = {name: getattr(cell, name).to(device) for name in _OF_CELLS}
+        moved: dict[str, Any] = {name: getattr(cell, name).to(device) for name in (*_PLACES, *_NUMBERS)}
         return EqualCells(box=cell.box, **moved)
 
     return Bank(bank.grid, [there(cell) for cell in bank.cells], bank.deviation.to(device))

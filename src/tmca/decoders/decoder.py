@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.arguments import checked_settings, settings_of
+from tmca.arguments import checked_settings, described, settings_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.registry import decoders_for, decodes, register
+from tmca.devices import enough_memory
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
 from tmca.priors import Prior, find_prior
@@ -257,7 +258,7 @@ class Decoder(ABC):
         >>> [tuple(estimate.values.shape) for estimate in prepared.stream(torch.rand(2, 1, 8, 10))]
         [(1, 3, 8, 8), (1, 3, 8, 8)]
         """
-        return self._prepare(camera, prior, progress, many=True, bank=None if bank is None else Path(bank))
+        return self._prepare(camera, prior, progress, many=True, bank=_path(bank))
 
     def _prepare(
         self, camera: Any, prior: Any, progress: Progress | None, *, many: bool, bank: Path | None = None
@@ -268,7 +269,8 @@ class Decoder(ABC):
         decoder = self._checked()
         chosen = decoder.find_prior(camera, prior, progress)
         start = time.perf_counter()
-        with torch.no_grad():
+        device = next((tensor.device for tensor in camera.buffers()), torch.device("cpu"))
+        with torch.no_grad(), enough_memory(device):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
@@ -307,7 +309,7 @@ class Prepared:
         Raises:
             ShapeError: values of another shape.
             DataError: values that are not finite.
-            SettingError: a snapshot of another camera than the decoder was prepared for.
+            SettingError: a snapshot of another camera than the decoder was prepared for, or a device without room.
         """
         values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
         if not isinstance(snapshot, Tensor):
@@ -317,7 +319,7 @@ class Prepared:
             remedy = "mask or replace the bad pixels first"
             raise DataError("snapshot", "NaN or infinite values", "finite values", remedy)
         start = time.perf_counter()
-        with torch.no_grad():
+        with torch.no_grad(), enough_memory(values.device):
             raw = self.decoder.reconstruct(self.state, values, progress)
         raw = raw if isinstance(raw, Raw) else Raw(raw)
         shape = (len(values), *self.decoder.scene_shape(self.camera))
@@ -343,6 +345,13 @@ class Prepared:
         if parts:
             found = f"one of a {camera.kind} camera with other {', '.join(parts)}"
             raise SettingError("snapshot", found, "one of the camera prepared for", "call prepare(snapshot.camera)")
+
+
+def _path(bank: Any) -> Path | None:
+    """The file of a bank; SettingError for what is no path."""
+    if bank is None or (isinstance(bank, str | Path) and "\0" not in str(bank)):
+        return None if bank is None else Path(bank)
+    raise SettingError("bank", described(bank), "a file", "leave it out")
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:

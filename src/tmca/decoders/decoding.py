@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from tmca.arguments import checked_settings, described, reason, settings_of
+from tmca.arguments import checked_settings, described, settings_of
 from tmca.cameras import Snapshot
 from tmca.decoders.decoder import Decoder, Estimate, Progress
 from tmca.decoders.registry import check_parts, decoders, decoders_for, usual_decoder
@@ -61,15 +61,11 @@ def decode(
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
     made = make_decoder(decoder or usual_decoder(kind), kind, settings)
-    try:
-        if bank is None:
-            return made(snapshot, prior, progress)
-        prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
-        estimate = prepared(snapshot, progress)
-        return replace(estimate, seconds=estimate.seconds + prepared.seconds)
-    except torch.OutOfMemoryError as error:
-        found = f"{snapshot.values.device}, whose memory is too small ({reason(error)})"
-        raise SettingError("device", found, "room for the decoder", "decode on the cpu, or close other work") from None
+    if bank is None:
+        return made(snapshot, prior, progress)
+    prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
+    estimate = prepared(snapshot, progress)
+    return replace(estimate, seconds=estimate.seconds + prepared.seconds)
 
 
 def make_decoder(

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
+from tmca.data.atomic import check_target
 from tmca.decoders.bank import Bank
 from tmca.decoders.bank_file import bank_key, stored_bank, write_bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
@@ -107,14 +108,16 @@ class PatchEstimator:
             SettingError: a file, but nothing that could be in it.
             DataError, OutputError: see `stored_bank` and `write_bank`.
         """
+        if file:
+            check_target(file, overwrite=True)
         layout, solver, prior = self.layout, self.solver, self.prior
         if not self.differentiable and isinstance(solver, GaussianSolver) and isinstance(prior, GaussianPrior):
             key = bank_key(prior, self.taps, self.noise, layout.grid, solver.dtype) if file else ""
-            self.bank = stored_bank(file, key, layout.grid, self.taps) if file else None
+            self.bank = stored_bank(file, key, layout.grid, self.taps, solver.dtype) if file else None
             if self.bank is None:
                 self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
                 if self.bank is not None and file:
-                    write_bank(self.bank, key, file)
+                    write_bank(self.bank, self.taps.code.float(), key, file)
         if self.bank is None and file:
             raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
         return self

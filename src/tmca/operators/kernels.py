@@ -115,7 +115,7 @@ def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
 def sheared_scene(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
     """``_scene_of_taps`` of all taps at once."""
     light, codes = _light_of_taps(snapshot, code.shape[2], layout), code.unflatten(0, (layout[4], -1))
-    return light[:, 0] * codes[0] if layout[4] == 1 else (light * codes).sum(1)
+    return (light[:, 0] * codes[0] if layout[4] == 1 else (light * codes).sum(1)).contiguous()
 
 
 def sheared_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:

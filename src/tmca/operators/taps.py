@@ -175,7 +175,6 @@ class TapOperator(LinearOperator):
         self.register_buffer("code", taps.code)
         self.scene_shape, self.snapshot_shape = taps.scene_shape, taps.snapshot_shape
         self._layout = (taps.channels, taps.offsets, taps.scene_channels, taps.snapshot_width, taps.buckets)
-        self._gram: tuple[tuple[int, int], tuple[Tensor, Tensor | None]] | None = None
 
     @property
     def taps(self) -> Taps:
@@ -193,25 +192,17 @@ class TapOperator(LinearOperator):
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
         """A division, or a tridiagonal solve along x; in blocks for several buckets. Without a shift, pixels that no
         light reaches give zero."""
-        same, ties = self._blocks()
-        if self.taps.buckets > 1:
-            return _solve_buckets(same, ties, snapshot, shift)
-        if ties is None:
-            diagonal = same + shift
+        taps = self.taps
+        if taps.buckets > 1:
+            return _solve_buckets(taps, snapshot, shift)
+        coupling = taps.gram_neighbour()
+        if coupling is None:
+            diagonal = taps.gram_diagonal()[0] + shift
             return torch.where(diagonal > 0, snapshot / diagonal.clamp_min(torch.finfo(diagonal.dtype).tiny), 0)
-        diagonal, coupling, right = same.double(), ties.double(), snapshot.double()
+        diagonal, coupling, right = taps.gram_diagonal()[0].double(), coupling.double(), snapshot.double()
         if not isinstance(shift, Tensor) and shift == 0:
             return _least_norm(diagonal, coupling, right).to(snapshot.dtype)
         return solve_tridiagonal(diagonal + shift, coupling, right).to(snapshot.dtype)
-
-    def _blocks(self) -> tuple[Tensor, Tensor | None]:
-        """``A Aᵀ``: within every sensor pixel, and with its right neighbour; cached while the code is not learned."""
-        state, taps = (self.code.data_ptr(), self.code._version), self.taps
-        if self._gram is not None and self._gram[0] == state and not self.code.requires_grad:
-            return self._gram[1]
-        made = taps.gram_blocks() if taps.buckets > 1 else (taps.gram_diagonal()[0], taps.gram_neighbour())
-        self._gram = None if self.code.requires_grad else (state, made)
-        return made
 
     def A_dagger(self, snapshot: Tensor) -> Tensor:
         if not self.taps.tied:
@@ -226,12 +217,13 @@ def of_buckets(parts: Sequence[TapOperator]) -> TapOperator:
     return parts[0] if len(parts) == 1 else TapOperator(Taps.of_buckets([part.taps for part in parts]))
 
 
-def _solve_buckets(blocks: Tensor, ties: Tensor | None, snapshot: Tensor, shift: float | Tensor) -> Tensor:
-    """``(A Aᵀ + shift·I)⁺ snapshot`` of several buckets, (B, R, H, W'); ``A Aᵀ`` as ``Taps.gram_blocks``."""
+def _solve_buckets(taps: Taps, snapshot: Tensor, shift: float | Tensor) -> Tensor:
+    """``(A Aᵀ + shift·I)⁺ snapshot`` of several buckets, (B, R, H, W')."""
+    blocks, ties = taps.gram_blocks()
     right, whole = snapshot.double().movedim(1, -1), isinstance(shift, Tensor) or shift > 0
     if whole:
         shifts = torch.as_tensor(shift, dtype=blocks.dtype, device=blocks.device)
-        shifts = shifts.expand(torch.broadcast_shapes(shifts.shape, snapshot.shape[1:]))
+        shifts = shifts.expand(torch.broadcast_shapes(shifts.shape, taps.snapshot_shape))
         blocks = blocks + torch.diag_embed(shifts.movedim(-3, -1))
     if ties is None:
         solution = solve_blocks(blocks, right)

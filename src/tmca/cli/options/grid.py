@@ -24,7 +24,7 @@ class GridOptions:
     slurm: Annotated[str | None, Parameter(group=_GRID)] = None
     "Parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu."
     device: Annotated[str | None, Parameter(group=_GRID)] = None
-    "Where snapshots are decoded: cpu, cuda or cuda:1."
+    "Where snapshots are decoded: cpu, cuda or cuda:1. Finished cells stay as they are."
     overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
     "Replace results that exist."
     json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
@@ -33,7 +33,7 @@ class GridOptions:
     def how(self) -> dict[str, Any]:
         """Arguments of a comparison or a sweep."""
         cluster, command = cluster_parameters(self.slurm), ["tmca", *sys.argv[1:]]
-        if self.device is not None:
+        if self.device is not None and cluster is None:  # nodes of a cluster have other devices than this machine
             from tmca.devices import device_of
 
             device_of(self.device)
