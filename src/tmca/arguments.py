@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import partial, wraps
 from inspect import Parameter, Signature, getdoc, signature
+from pathlib import Path
 from types import NoneType, SimpleNamespace, UnionType
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -154,6 +155,13 @@ def described(value: Any) -> str:
         return _a(type(value).__name__)
     text = repr(value)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}…"
+
+
+def path_of(where: str, value: Any) -> Path:
+    """The path that an argument names; SettingError for what is none."""
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise SettingError(where, described(value), "a path")
+    return Path(value)
 
 
 def reason(error: BaseException) -> str:

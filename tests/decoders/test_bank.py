@@ -173,7 +173,7 @@ def test_what_is_no_bank_is_refused_and_stays(tmp_path, content):
     with pytest.raises(DataError, match="name another file"):
         by_bank(tmp_path / "folder")
     for wrong in (3, False, "a\0b"):
-        with pytest.raises(SettingError, match="expected a file"):
+        with pytest.raises(SettingError, match="expected a path"):
             by_bank(wrong)
 
 

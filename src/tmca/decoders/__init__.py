@@ -3,8 +3,7 @@
 from tmca.arguments import settings_of
 from tmca.decoders import adapted, kriging, moving, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
-from tmca.decoders.decoder import Decoder, Estimate, Prepared, Raw
-from tmca.decoders.decoding import decode, make_decoder
+from tmca.decoders.decoder import Decoder, Estimate, Prepared, Raw, decode
 from tmca.decoders.dictionary import DictionaryEstimator
 from tmca.decoders.least_squares import Result, tikhonov
 from tmca.decoders.likelihood import PatchLikelihood
@@ -20,7 +19,7 @@ from tmca.decoders.pnp import (
     subspace_denoiser,
     tv_denoiser,
 )
-from tmca.decoders.registry import DECODERS, decoders, decoders_for, usual_decoder
+from tmca.decoders.registry import DECODERS, decoders, decoders_for, make_decoder, usual_decoder
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox

@@ -9,7 +9,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tmca.decoders.decoder import Progress, one_by_one, part_of
+from tmca.decoders.batches import one_by_one, part_of
+from tmca.decoders.decoder import Progress
 from tmca.decoders.lmmse import (
     LMMSE,
     Blend,

@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot
-from tmca.decoders.decoder import Estimate, Progress
-from tmca.decoders.decoding import decode
+from tmca.decoders.decoder import Estimate, Progress, decode
 from tmca.decoders.nets.weights import Weights
 
 Decoded = Estimate

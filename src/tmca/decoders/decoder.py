@@ -1,4 +1,4 @@
-"""One face for every decoder: a class with a name, whose fields are its settings, found by `decode` and every command.
+"""From a snapshot to its scene: `decode`, and one face for every decoder, a class whose fields are its settings.
 
 CONTRIBUTING shows the smallest one. Packages of others name theirs in the entry-point group ``tmca.decoders``.
 """
@@ -20,11 +20,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.arguments import checked_settings, described, settings_of
+from tmca.arguments import checked_settings, described, path_of, settings_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import decoders_for, decodes, register
-from tmca.devices import enough_memory
+from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
+from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
 from tmca.priors import Prior, find_prior
@@ -37,17 +37,6 @@ Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
 PLANES = "depth_planes"
 """Attribute of an estimate with depth, JSON: nearest and farthest plane in metres, and their number."""
-
-
-def part_of(progress: Progress | None, first: float, last: float) -> Callable[[float], None]:
-    """Turn the share of a part that is done into the share of all, from ``first`` to ``last``."""
-    return lambda share: progress(first + (last - first) * share) if progress else None
-
-
-def one_by_one(values: Tensor, progress: Progress | None) -> Iterator[tuple[Tensor, Callable[[float], None]]]:
-    """The snapshots of a batch alone, each with what takes the share of it that is done."""
-    for place, one in enumerate(values.split(1)):
-        yield one, part_of(progress, place / len(values), (place + 1) / len(values))
 
 
 @dataclass(eq=False, repr=False)
@@ -258,7 +247,7 @@ class Decoder(ABC):
         >>> [tuple(estimate.values.shape) for estimate in prepared.stream(torch.rand(2, 1, 8, 10))]
         [(1, 3, 8, 8), (1, 3, 8, 8)]
         """
-        return self._prepare(camera, prior, progress, many=True, bank=_path(bank))
+        return self._prepare(camera, prior, progress, many=True, bank=None if bank is None else path_of("bank", bank))
 
     def _prepare(
         self, camera: Any, prior: Any, progress: Progress | None, *, many: bool, bank: Path | None = None
@@ -347,11 +336,53 @@ class Prepared:
             raise SettingError("snapshot", found, "one of the camera prepared for", "call prepare(snapshot.camera)")
 
 
-def _path(bank: Any) -> Path | None:
-    """The file of a bank; SettingError for what is no path."""
-    if bank is None or (isinstance(bank, str | Path) and "\0" not in str(bank)):
-        return None if bank is None else Path(bank)
-    raise SettingError("bank", described(bank), "a file", "leave it out")
+def decode(
+    snapshot: Snapshot[Any] | str | Path,
+    decoder: str | type[Decoder] | Decoder | None = None,
+    *,
+    prior: str | Path | Prior | None = None,
+    progress: Progress | None = None,
+    device: str | torch.device | None = None,
+    bank: str | Path | None = None,
+    **settings: Any,
+) -> Estimate:
+    """Recover the scene of a snapshot of any camera.
+
+    Args:
+        snapshot: values and camera, or the file that holds them.
+        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
+        prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
+        progress: called with the share that is done.
+        device: where it is decoded, and where the estimate lies: ``"cuda"``, ``"cpu"``; None where the snapshot
+            is, or as `tmca.devices.computing_on` says.
+        bank: file that stores what depends on camera, noise and prior alone, for the next snapshot (lmmse); see
+            `Decoder.prepare`.
+        settings: of the decoder.
+
+    Raises:
+        SettingError: an unknown decoder or setting, a camera or prior that does not fit, or a device that is not there.
+        DataError: a file that holds no snapshot, or a bank of something else.
+
+    >>> import torch, tmca.cameras
+    >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
+    >>> decode(Snapshot(camera(torch.rand(1, 3, 8, 8)), camera), "dagger").values.shape
+    torch.Size([1, 3, 8, 8])
+    """
+    if decoder is None and "method" in settings:
+        decoder = settings.pop("method")  # its name in version 0.1
+    if isinstance(snapshot, str | Path):
+        snapshot = Snapshot.load(snapshot)
+    if not isinstance(snapshot, Snapshot):
+        raise SettingError("snapshot", described(snapshot), "a Snapshot", "take one with tmca.simulate")
+    where = usual_device() if device is None else device
+    snapshot = snapshot if where is None else snapshot.to(where)
+    kind = snapshot.camera.kind
+    made = make_decoder(decoder or usual_decoder(kind), kind, settings)
+    if bank is None:
+        return made(snapshot, prior, progress)
+    prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
+    estimate = prepared(snapshot, progress)
+    return replace(estimate, seconds=estimate.seconds + prepared.seconds)
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:

@@ -17,7 +17,8 @@ import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.decoder import Decoder, Progress, Raw, part_of
+from tmca.decoders.batches import part_of
+from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.errors import SettingError, check_range, check_shape
 from tmca.operators.window_moments import CONTAMINATION, WINDOW, snapshot_moments
 from tmca.operators.windows import RowBlend, RowMean, WindowRows

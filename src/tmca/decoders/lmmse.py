@@ -108,19 +108,37 @@ class PatchEstimator:
             SettingError: a file, but nothing that could be in it.
             DataError, OutputError: see `stored_bank` and `write_bank`.
         """
-        if file:
+        if file is None:
+            self.bank = self._computed_bank()
+        else:
             check_target(file, overwrite=True)
-        layout, solver, prior = self.layout, self.solver, self.prior
-        if not self.differentiable and isinstance(solver, GaussianSolver) and isinstance(prior, GaussianPrior):
-            key = bank_key(prior, self.taps, self.noise, layout.grid, solver.dtype) if file else ""
-            self.bank = stored_bank(file, key, layout.grid, self.taps, solver.dtype) if file else None
-            if self.bank is None:
-                self.bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
-                if self.bank is not None and file:
-                    write_bank(self.bank, self.taps.code.float(), key, file)
-        if self.bank is None and file:
-            raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
+            self.bank = self._bank_in(file)
         return self
+
+    @property
+    def _prior_of_bank(self) -> GaussianPrior | None:
+        """The prior, where a bank can hold what follows from it."""
+        one = isinstance(self.solver, GaussianSolver) and isinstance(self.prior, GaussianPrior)
+        return self.prior if one and not self.differentiable else None  # type: ignore[return-value]
+
+    def _computed_bank(self) -> Bank | None:
+        layout, solver = self.layout, self.solver
+        if self._prior_of_bank is None or not isinstance(solver, GaussianSolver):
+            return None
+        return Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
+
+    def _bank_in(self, file: Path) -> Bank:
+        """The bank of a file; computed and written where there is none."""
+        prior, grid, dtype = self._prior_of_bank, self.layout.grid, self.solver.dtype
+        key = bank_key(prior, self.taps, self.noise, grid, dtype) if prior else ""
+        bank = stored_bank(file, key, grid, self.taps, dtype) if prior else None
+        if bank is not None:
+            return bank
+        bank = self._computed_bank()
+        if bank is None:
+            raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
+        write_bank(bank, self.taps.code.float(), key, file)
+        return bank
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""

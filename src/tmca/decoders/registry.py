@@ -1,11 +1,14 @@
-"""Which decoders there are: those of this package and of plug-ins, each complete and under a name of its own."""
+"""Which decoders there are, of this package and of plug-ins, each under a name of its own, and one of them made."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import MISSING, replace
+from inspect import isabstract
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
+from tmca.arguments import checked_settings, settings_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.errors import SettingError, check_choice
 from tmca.plugins import BrokenPlugin, load_plugins
@@ -54,6 +57,30 @@ def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decod
 def decodes(decoder: type[Decoder], kind: str) -> bool:
     """Whether a decoder names a kind of camera, or such a camera the decoder."""
     return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
+
+
+def make_decoder(
+    decoder: str | type[Decoder] | Decoder, kind: str, settings: Mapping[str, Any] | None = None
+) -> Decoder:
+    """A decoder of snapshots of a kind of camera, with some settings; unknown ones are named in a SettingError."""
+    if isinstance(decoder, str):
+        choices = decoders_for(kind, moving=None)
+        if decoder not in choices and decoder in decoders():
+            found = f"{decoder!r}, which is for {', '.join(sorted(decoders()[decoder].cameras))} cameras"
+            raise SettingError("decoder", found, f"one of {', '.join(choices)}")
+        check_choice("decoder", decoder, choices)
+        decoder = choices[decoder]
+    cls = decoder if isinstance(decoder, type) else type(decoder)
+    if not hasattr(cls, "prepare") or isabstract(cls):
+        raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
+    checked = checked_settings(cls, settings) if settings else {}
+    check_parts(cls)
+    if not isinstance(decoder, type):
+        return replace(decoder, **checked)
+    for setting in settings_of(cls):
+        if setting.default is MISSING and setting.name not in checked:
+            raise SettingError(setting.name, "nothing", f"a {setting.type}: {cls.name} has no default of it")
+    return decoder(**checked)
 
 
 def register(decoder: Any) -> None:

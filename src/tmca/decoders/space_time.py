@@ -17,7 +17,8 @@ from torch.nn.functional import fold, pad, unfold
 
 from tmca.cameras import CodedCamera
 from tmca.cameras.frames import frame_taps
-from tmca.decoders.decoder import Decoder, Progress, one_by_one
+from tmca.decoders.batches import one_by_one
+from tmca.decoders.decoder import Decoder, Progress
 from tmca.decoders.least_squares import DataStep, energy, noise_level
 from tmca.decoders.tv import cosines
 from tmca.errors import SettingError, check_range

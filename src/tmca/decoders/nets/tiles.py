@@ -13,7 +13,8 @@ from torch import Tensor
 
 from tmca.arguments import described
 from tmca.cameras import SpectralDepthCamera
-from tmca.decoders.decoder import Progress, part_of
+from tmca.decoders.batches import part_of
+from tmca.decoders.decoder import Progress
 from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.likelihood import DepthRaw
 from tmca.decoders.lmmse import PatchEstimator
