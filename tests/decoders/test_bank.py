@@ -154,7 +154,7 @@ def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(tmp_path):
         {"prior": GaussianPrior.learn([smooth_scene(40, 50, 3, seed=7)], (6, 12))},
     ]
     for parts in other:
-        with pytest.raises(DataError, match="another camera, noise or prior"):
+        with pytest.raises(DataError, match="another camera, noise, prior or setting"):
             by_bank(path, **parts)
     assert path.read_bytes() == before
 
@@ -190,8 +190,8 @@ def rewritten(path, change):
 def order(name):
     """As the file lists them."""
     place, _, part = name.partition(".")
-    parts = (*bank_file._PLACES, *bank_file._NUMBERS)
-    return (place == "code", place == "deviation", place, parts.index(part) if part else 0)
+    frames = ("", "offset", "deviation", "code")
+    return frames.index("" if part else place), place, bank_file._PARTS.index(part) if part else 0
 
 
 CHANGES = {
@@ -203,7 +203,8 @@ CHANGES = {
     "a deviation in double precision": lambda t: t.update(deviation=t["deviation"].double()),
     "no number": lambda t: t["00000.matrix"].fill_(float("nan")),
     "whole numbers": lambda t: t.update({"00000.matrix": t["00000.matrix"].int()}),
-    "other sides": lambda t: t.update({"00000.offset": t["00000.offset"][:, :-1].contiguous()}),
+    "fewer pixels": lambda t: t.update({"00000.matrix": t["00000.matrix"][:, :-1].contiguous()}),
+    "an offset of other channels": lambda t: t.update(offset=t["offset"][:, :-1].contiguous()),
     "no deviation": lambda t: t.pop("deviation"),
     "another frame": lambda t: t.update(deviation=t["deviation"][..., :-1].contiguous()),
 }

@@ -12,10 +12,10 @@ from torch import Tensor
 from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Progress
 from tmca.decoders.lmmse import (
-    LMMSE,
     Blend,
     Blended,
     BlockLayout,
+    PatchDecoder,
     Places,
     blend_weights,
     equal_windows,
@@ -192,7 +192,7 @@ class _Unknown:
 
 
 @dataclass
-class AdaptedLMMSE(LMMSE):
+class AdaptedLMMSE(PatchDecoder):
     """The patch LMMSE under priors that are refitted to the scene behind the snapshot itself.
 
     Args:

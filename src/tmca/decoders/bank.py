@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import prod
+from operator import attrgetter
 
 import torch
 from torch import Tensor
@@ -54,7 +55,6 @@ class EqualCells:
         down, across: (P,) first row and column of its measurements in the padded snapshot.
         box: numbers of rows and columns of these.
         matrix: (R·rows·columns, L·height·width) from the measurements to the estimate.
-        offset, deviation: (L, height, width) estimate where all measurements are zero, and what it may be wrong by.
     """
 
     pixels: Tensor
@@ -62,6 +62,13 @@ class EqualCells:
     across: Tensor
     box: tuple[int, int]
     matrix: Tensor
+
+
+@dataclass(frozen=True)
+class SolvedCells:
+    """Equal cells, and (L, height, width) their estimate where measurements are zero and the deviation of any."""
+
+    cells: EqualCells
     offset: Tensor
     deviation: Tensor
 
@@ -81,11 +88,13 @@ class Bank:
     Args:
         grid: where blocks lie.
         cells: that cover the frame.
+        offset: (1, L, H, W) estimate where all measurements are zero.
         deviation: (1, L, H, W) predicted standard deviation.
     """
 
     grid: BlockGrid
     cells: list[EqualCells]
+    offset: Tensor
     deviation: Tensor
 
     @classmethod
@@ -106,12 +115,12 @@ class Bank:
         valid, (first, last) = torch.zeros_like(weights), grid.model.valid
         valid[..., first:last] = weights[..., first:last]
         blocks = [BlockMatrices.of(solver, grid.code_windows(code, [places[0]]), weights, valid) for places in groups]
-        cells = [
+        solved = [
             _cell(grid, corners, covering, sides, blocks, (weights, valid))
             for (covering, sides), corners in classes.items()
         ]
-        deviations = [cell.deviation.expand(1, len(cell.pixels), -1, -1, -1) for cell in cells]
-        return cls(grid, cells, _laid(cells, deviations, grid.frame))
+        frames = (_frame([(each.cells, part(each)) for each in solved], grid.frame) for part in _PARTS)
+        return cls(grid, [each.cells for each in solved], *frames)
 
     def estimate(self, snapshot: Tensor) -> Tensor:
         """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
@@ -119,9 +128,11 @@ class Bank:
         values = []
         for cell in self.cells:
             seen = padded.unfold(2, cell.box[0], 1).unfold(3, cell.box[1], 1)[:, :, cell.down, cell.across]
-            product = seen.transpose(1, 2).flatten(2) @ cell.matrix
-            values.append(product.unflatten(-1, cell.offset.shape).add_(cell.offset))
-        return _laid(self.cells, values, self.grid.frame)
+            values.append((seen.transpose(1, 2).flatten(2) @ cell.matrix).unflatten(-1, (-1, cell.pixels.shape[1])))
+        return _laid(self.cells, values, self.grid.frame).add_(self.offset)
+
+
+_PARTS = (attrgetter("offset"), attrgetter("deviation"))
 
 
 def _bytes(model: BlockModel, blocks: int, classes: Classes, dtype: torch.dtype) -> int:
@@ -159,7 +170,7 @@ def _step(starts: Sequence[int]) -> int:
 def _cell(
     grid: BlockGrid, corners: Places, covering: Covering, sides: tuple[int, int], blocks: Sequence[BlockMatrices],
     weights: tuple[Tensor, Tensor],
-) -> EqualCells:  # fmt: skip
+) -> SolvedCells:  # fmt: skip
     """What the blocks over a cell say of it; ``weights`` (L, h, w) of a block, and of its valid columns."""
     buckets, h, columns = blocks[0].gain.shape[:3]
     top, left, rows, across = _box(covering, grid.model)
@@ -178,10 +189,11 @@ def _cell(
     inside = torch.arange(height)[:, None] * grid.frame[1] + torch.arange(width)
     places = torch.tensor(corners)
     pixels = (places[:, 0] * grid.frame[1] + places[:, 1])[:, None] + inside.flatten()
-    return EqualCells(
+    cells = EqualCells(
         pixels.to(device), (places[:, 0] + top).to(device), (places[:, 1] + first).to(device), (rows, across),
-        matrix.flatten(3).flatten(0, 2), dark / weight, (variance / valid).sqrt(),
+        matrix.flatten(3).flatten(0, 2),
     )  # fmt: skip
+    return SolvedCells(cells, dark / weight, (variance / valid).sqrt())
 
 
 def _box(covering: Covering, model: BlockModel) -> tuple[int, int, int, int]:
@@ -200,8 +212,14 @@ def _overlap(
     return (there[0], there[1]), (here[0], here[1])
 
 
+def _frame(parts: Sequence[tuple[EqualCells, Tensor]], frame: tuple[int, int]) -> Tensor:
+    """(1, L, H, W) of what is the same (L, height, width) in equal cells."""
+    values = [one.flatten(1).expand(1, len(cell.pixels), -1, -1) for cell, one in parts]
+    return _laid([cell for cell, _ in parts], values, frame)
+
+
 def _laid(cells: Sequence[EqualCells], values: Sequence[Tensor], frame: tuple[int, int]) -> Tensor:
-    """(B, L, H, W) frames of what cells hold at their P places, (B, P, L, height, width)."""
+    """(B, L, H, W) frames of what cells hold at their P places, (B, P, L, height·width)."""
     batch, _, channels = values[0].shape[:3]
     whole = values[0].new_empty(batch, channels, *frame)
     for cell, one in zip(cells, values, strict=True):

@@ -26,9 +26,11 @@ from tmca.operators.taps import Taps
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise
 
-FORMAT = "tmca bank 1"
+FORMAT = "tmca bank 2"
 """Raised when what banks hold, or how they are computed, changes."""
-_PLACES, _NUMBERS = ("pixels", "down", "across"), ("matrix", "offset", "deviation")
+_PLACES, _PARTS = ("pixels", "down", "across"), ("pixels", "down", "across", "matrix")
+"""Tensors of a cell."""
+_FRAMES = ("offset", "deviation")
 _NAME = "name another file"
 _LONGEST_HEAD = 2**26
 """Bytes."""
@@ -55,10 +57,12 @@ class _About(Attributes):
     sums: tuple[int, ...]
 
 
-def bank_key(prior: GaussianPrior, taps: Taps, noise: Noise, grid: BlockGrid, dtype: torch.dtype) -> str:
+def bank_key(
+    prior: GaussianPrior, taps: Taps, noise: Noise, grid: BlockGrid, dtype: torch.dtype, fast: bool = False
+) -> str:
     """Digest of all that a bank depends on but the code, which devices compute with other last bits."""
     digest = blake2b(digest_size=20)
-    layout = (taps.channels, taps.offsets, taps.snapshot_width, taps.buckets, grid.tops, grid.lefts, str(dtype))
+    layout = (taps.channels, taps.offsets, taps.snapshot_width, taps.buckets, grid.tops, grid.lefts, str(dtype), fast)
     digest.update(repr((FORMAT, layout, tuple(taps.code.shape), noise.read, noise.shot, prior.block)).encode())
     for part in (prior.mean, prior.moments):
         digest.update(repr((part.dtype, part.shape)).encode())
@@ -73,7 +77,8 @@ def write_bank(bank: Bank, code: Tensor, key: str, path: Path) -> None:
         OutputError: it cannot be written.
     """
     tensors = {name: value.detach().cpu().contiguous() for name, value in _tensors(bank, code)}
-    about = {"key": key, "boxes": [cell.box for cell in bank.cells], "sums": [*map(_sum, tensors.values())]}
+    boxes, sums = [cell.box for cell in bank.cells], [*map(_sum, tensors.values())]
+    about = {"key": key, "boxes": boxes, "sums": sums}
     with atomic_path(path, overwrite=True) as temporary:
         temporary.touch()
         mode = temporary.stat().st_mode  # that of any file of the user; those of safetensors are closed to others
@@ -138,14 +143,17 @@ def _warn_of(path: Path) -> None:
 
 
 def _another(path: Path) -> DataError:
-    return DataError(path, "the bank of another camera, noise or prior", "this one's", f"{_NAME}, or delete it")
+    return DataError(
+        path, "the bank of another camera, noise, prior or setting", "this one's", f"{_NAME}, or delete it"
+    )
 
 
 def _tensors(bank: Bank, code: Tensor) -> Iterator[tuple[str, Tensor]]:
     for place, cell in enumerate(bank.cells):
-        for name in (*_PLACES, *_NUMBERS):
+        for name in _PARTS:
             yield f"{place:05d}.{name}", getattr(cell, name)
-    yield "deviation", bank.deviation
+    for name in _FRAMES:
+        yield name, getattr(bank, name)
     yield "code", code
 
 
@@ -156,9 +164,9 @@ def _sum(tensor: Tensor) -> int:
 
 def _bank(about: _About, tensors: dict[str, Tensor], grid: BlockGrid, dtype: torch.dtype) -> Bank | None:
     """The bank that a head and tensors make; None where these are not what the head says."""
-    types = {**dict.fromkeys(_PLACES, torch.int64), **dict.fromkeys(_NUMBERS, dtype)}
+    types = {name: torch.int64 if name in _PLACES else dtype for name in _PARTS}
     names = [(f"{place:05d}.{name}", kind) for place in range(len(about.boxes)) for name, kind in types.items()]
-    names += [("deviation", dtype), ("code", torch.float32)]
+    names += [*((name, dtype) for name in _FRAMES), ("code", torch.float32)]
     if any(name not in tensors or tensors[name].dtype != kind for name, kind in names):
         return None
     if [_sum(tensors[name]) for name, _ in names] != [*about.sums]:
@@ -167,34 +175,34 @@ def _bank(about: _About, tensors: dict[str, Tensor], grid: BlockGrid, dtype: tor
         EqualCells(box=box, **{name: tensors[f"{place:05d}.{name}"] for name in types})
         for place, box in enumerate(about.boxes)
     ]
-    return Bank(grid, cells, tensors["deviation"])
+    return Bank(grid, cells, **{name: tensors[name] for name in _FRAMES})
 
 
 def _fits(bank: Bank, taps: Taps) -> bool:
     """Whether the cells make up a frame of the camera, and all measurements are there."""
-    channels, (height, width) = taps.scene_channels, bank.grid.frame
+    shape = (1, taps.scene_channels, *bank.grid.frame)
     seen = bank.grid.pad_snapshot(torch.empty(1, *taps.snapshot_shape, device="meta")).shape[1:]
-    if tuple(bank.deviation.shape) != (1, channels, height, width) or not _finite(bank.deviation):
+    if any(tuple(frame.shape) != shape or not _finite(frame) for frame in (bank.offset, bank.deviation)):
         return False
-    if not all(_inside(cell, seen, channels, height * width) for cell in bank.cells):
+    count = prod(bank.grid.frame)
+    if not all(_inside(cell, seen, shape[1], count) for cell in bank.cells):
         return False
     pixels = torch.cat([cell.pixels.flatten() for cell in bank.cells])
-    return len(pixels) == height * width and bool((pixels.bincount(minlength=height * width) == 1).all())
+    return len(pixels) == count and bool((pixels.bincount(minlength=count) == 1).all())
 
 
 def _inside(cell: EqualCells, seen: torch.Size, channels: int, pixels: int) -> bool:
     """Whether tensors of cells go together, and their indices lie within the snapshot (R, rows, columns) and the
     frame."""
-    sides, count = cell.offset.shape[1:], cell.down.numel()
-    shapes = [tuple(getattr(cell, name).shape) for name in (*_PLACES, *_NUMBERS)]
-    wanted = [(count, prod(sides)), (count,), (count,), (seen[0] * prod(cell.box), channels * prod(sides))]
+    count, size = cell.down.numel(), cell.pixels.shape[-1] if cell.pixels.ndim else 0
+    shapes = [tuple(getattr(cell, name).shape) for name in _PARTS]
+    wanted = [(count, size), (count,), (count,), (seen[0] * prod(cell.box), channels * size)]
     places, ends = (cell.pixels, cell.down, cell.across), (pixels - 1, seen[1] - cell.box[0], seen[2] - cell.box[1])
     return (
-        len(sides) == 2
-        and count * prod(sides) > 0
-        and shapes == [*wanted, (channels, *sides), (channels, *sides)]
+        count * size > 0
+        and shapes == wanted
         and all(int(part.min()) >= 0 and int(part.max()) <= end for part, end in zip(places, ends, strict=True))
-        and all(map(_finite, (cell.matrix, cell.offset, cell.deviation)))
+        and _finite(cell.matrix)
     )
 
 
@@ -203,8 +211,7 @@ def _finite(numbers: Tensor) -> bool:
 
 
 def _moved(bank: Bank, device: torch.device) -> Bank:
-    def there(cell: EqualCells) -> EqualCells:
-        moved: dict[str, Any] = {name: getattr(cell, name).to(device) for name in (*_PLACES, *_NUMBERS)}
-        return EqualCells(box=cell.box, **moved)
-
-    return Bank(bank.grid, [there(cell) for cell in bank.cells], bank.deviation.to(device))
+    cells = [
+        EqualCells(box=cell.box, **{name: getattr(cell, name).to(device) for name in _PARTS}) for cell in bank.cells
+    ]
+    return Bank(bank.grid, cells, bank.offset.to(device), bank.deviation.to(device))

@@ -8,7 +8,7 @@ from typing import Any
 from tmca.cameras import Camera
 from tmca.cameras.frames import frame_taps
 from tmca.decoders.decoder import Progress
-from tmca.decoders.lmmse import LMMSE, PatchEstimator
+from tmca.decoders.lmmse import PatchDecoder, PatchEstimator
 from tmca.errors import check_range
 from tmca.priors import find_prior
 from tmca.priors.moving import moving_block, moving_prior, reach_of
@@ -17,7 +17,7 @@ _FRAMES = 4
 
 
 @dataclass
-class SpaceTimeLMMSE(LMMSE):
+class SpaceTimeLMMSE(PatchDecoder):
     """The best linear estimate of all frames under the Gaussian prior of blocks of a scene that moves, blended.
 
     The prior is that of still scenes, moved by every displacement alike: a scene of L channels in G frames is one of

@@ -179,7 +179,7 @@ def _lengths(plan: Sequence[tuple[str, int]], families: Sequence[str], survey: E
     ]
 
 
-def _contained(candidates: Sequence[Candidate], kind: str, slots: int) -> list[Candidate]:
+def _starts_of(candidates: Sequence[Candidate], kind: str, slots: int) -> list[Candidate]:
     """Designs that codes of a kind with so many slots contain: free codes the best one of fewer slots, and those of as
     many, all of one bucket; codes of two buckets the best one of two, bursts among them."""
     divisors = [c for c in candidates if slots % c.design.slots == 0]
@@ -230,7 +230,7 @@ class _Task:
         static = self.candidate("static", 1, effort, part("survey: static"))
         found = [static]
         for kind, k in plan:
-            starts = _contained(found, kind, k)
+            starts = _starts_of(found, kind, k)
             found.append(self.candidate(kind, k, effort, part(f"survey: {kind}, K = {k}"), starts, static))
         return found
 

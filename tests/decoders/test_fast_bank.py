@@ -1,0 +1,80 @@
+"""A smaller bank says of frames what the whole one says, but for a little."""
+
+import pytest
+import torch
+
+from tests.small_scenes import smooth_scene
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
+from tmca.decoders import decode, make_decoder
+from tmca.decoders.fast_bank import LEFT_OUT, _core, smaller
+from tmca.decoders.lmmse import PatchEstimator
+from tmca.errors import DataError
+from tmca.operators.taps import TapOperator
+from tmca.priors import GaussianPrior
+from tmca.sensor import Sensor
+
+SENSOR = Sensor(read_noise=0.03)
+TAKEN = {
+    "spectral": SpectralCamera(3, (37, 60), slots=4, shutter="random", period=(4, 6), sensor=SENSOR),
+    "two buckets": SpectralCamera(3, (36, 61), slots=4, shutter="balanced", buckets=2, period=(4, 6), sensor=SENSOR),
+    "light field": LightFieldCamera(3, (37, 40), slots=2, shutter="random", period=6, sensor=SENSOR),
+}
+
+
+def prepared(name):
+    """An estimator with the whole bank, the frames that it decodes, and the snapshot that its prior expects."""
+    camera = TAKEN[name]
+    taps = camera.taps()
+    channels = taps.scene_shape[0]
+    prior = GaussianPrior.learn([smooth_scene(60, 90, channels, seed=1)], (8, 20))
+    scenes = smooth_scene(*camera.size, channels, seed=2).float()[None]
+    frames = camera(scenes.reshape(1, *camera.scene_shape), generator=0)
+    estimator = PatchEstimator(prior, taps, camera.noise).precompute()
+    mean = prior.mean[:, 0, 0].float()[None, :, None, None].expand(1, *taps.scene_shape)
+    return estimator, frames, TapOperator(taps).A(mean), scenes
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_frames_are_nearly_those_of_the_whole_bank(name):
+    estimator, frames, expected, scenes = prepared(name)
+    whole, less = estimator.bank, smaller(estimator.bank, expected)
+    torch.testing.assert_close(less.estimate(expected), whole.estimate(expected), rtol=0, atol=1e-5)
+    assert torch.equal(less.deviation, whole.deviation)
+    assert sum(cell.matrix.numel() for cell in less.cells) < 0.9 * sum(cell.matrix.numel() for cell in whole.cells)
+    errors = [float((bank.estimate(frames) - scenes).square().mean()) for bank in (whole, less)]
+    assert 0 < abs(errors[1] - errors[0]) < 0.05 * errors[0]
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_no_more_is_left_out_than_is_allowed(name):
+    estimator, _, expected, _ = prepared(name)
+    whole, less = estimator.bank, smaller(estimator.bank, expected)
+    squares = [sum(float(c.matrix.square().sum()) * len(c.pixels) for c in bank.cells) for bank in (whole, less)]
+    assert 0 < squares[0] - squares[1] <= LEFT_OUT * float(whole.deviation.square().sum())
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 1.0])
+def test_the_core_of_a_table_is_what_is_left_without_its_weakest_edges(share):
+    table = torch.outer(torch.tensor([0.0, 0.1, 1, 3, 2, 0.2]), torch.tensor([0.01, 1, 4, 5, 0.5, 0.0, 0.0]))
+    top, bottom, left, right = _core(table, share)
+    left_out = float(table.sum() - table[top:bottom, left:right].sum())
+    assert 0 <= left_out <= share * float(table.sum()) + 1e-6
+    assert (top, bottom, left, right)[0] >= 1  # what is zero goes for nothing
+    assert right <= 5
+    assert bottom > top
+    assert right > left
+
+
+def test_it_is_a_setting_of_the_decoder_whose_bank_is_its_own(tmp_path):
+    camera, path = TAKEN["spectral"], tmp_path / "b.safetensors"
+    prior = GaussianPrior.learn([smooth_scene(60, 90, seed=1)], (8, 20))
+    snapshot = Snapshot(camera(smooth_scene(*camera.size, seed=2).float()[None], generator=0), camera)
+    fast = make_decoder("lmmse", "spectral", {"fast": True}).prepare(camera, prior, bank=path)
+    again = make_decoder("lmmse", "spectral", {"fast": True}).prepare(camera, prior, bank=path)
+    assert torch.equal(fast(snapshot).values, again(snapshot).values)
+    alone = decode(snapshot, "lmmse", prior=prior)
+    assert 0 < float((fast(snapshot).values - alone.values).abs().max()) < 0.05
+    with pytest.raises(DataError, match="prior or setting"):
+        make_decoder("lmmse", "spectral").prepare(camera, prior, bank=path)
+    one_frame = decode(snapshot, "lmmse", prior=prior, fast=True)  # nothing is prepared
+    assert torch.equal(one_frame.values, alone.values)
