@@ -27,6 +27,7 @@ COMMANDS = {
         "lab.capture:app",
         "Show an export on a bench, simulated or real, and join frames into a snapshot.",
     ),
+    "live": ("lab.live:app", "Decode what a bench captures as it comes: in the terminal, in a browser, recorded."),
     "scan": (
         "lab.scan:app",
         "Ground truth on the table: depth by fringes, spectra by a tunable source, both as one scene.",

@@ -66,20 +66,21 @@ class BenchOptions:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
 
-    def bench(self, taken: Any, whole: bool, scene: str | None = None) -> Any:
+    def bench(self, taken: Any, whole: bool, scene: str | None = None, drift: tuple[float, float] = (0.0, 0.0)) -> Any:
         """The bench.
 
         Args:
             taken: snapshot of the camera.
             whole: whether its frames are whole exposures, or slots.
             scene: before the simulated one; none where it is lit by a lamp.
+            drift: rows and columns of it from exposure to exposure.
         """
         from tmca.lab.acquisition.drivers import find_device
 
         if not self.simulated:
             return find_device(self.device, **_driver_settings(self.settings or []))
         made: dict[str, Any] = {"bits": self._bits, "seed": self.seed or 0, "hardware": self.faults}
-        made |= {"stops_after": self.stops_after, "whole": whole}
+        made |= {"stops_after": self.stops_after, "whole": whole, "drift": drift}
         before = [] if scene is None else _scene(scene, taken)
         return find_device("simulated", camera=taken.camera, scene=before, **made)
 

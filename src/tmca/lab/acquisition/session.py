@@ -91,7 +91,7 @@ def capture(
     files: Mapping[str, Path] = {}
     with in_use(folder), calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: number_of(device, "saturation"))
-        units = calls.of(lambda: _units(device, camera, manifest, saturation)) if gain is None else gain
+        units = calls.of(lambda: units_of(device, camera, manifest, saturation)) if gain is None else gain
         about = {"gain": units, "saturation": saturation, **(bench or {})}
         record = resumed(captured_so_far(folder, export), about, folder)
         calls.of(lambda: device.load(Export(Path(export), manifest)))
@@ -115,7 +115,7 @@ def capture(
     return folder
 
 
-def _units(device: Device, camera: Camera | None, manifest: dict[str, Any], saturation: float) -> float:
+def units_of(device: Device, camera: Camera | None, manifest: dict[str, Any], saturation: float) -> float:
     """Snapshot units of a digital number: what the driver says, else those by which saturation is white."""
     if camera is None:
         raise SettingError("gain", "None", "snapshot units of a digital number where no camera is known")
@@ -181,12 +181,12 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     names = [frame.name for frame in wanted if frame.of != DARK]
     whole = names == [WHOLE]
     frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
-    opened = torch.ones(1, *camera.snapshot_shape[1:]) if whole else _shutter(export, camera)
+    opened = torch.ones(1, *camera.snapshot_shape[1:]) if whole else shutter_of(export, camera)
     frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     repeats = torch.tensor([float(len(series[name])) for name in names])
     alike = _repeats(repeats, opened)
-    camera = _with_noise(camera, float(how["gain"]) * _read_noise(series[DARK], repeats, opened, camera), alike)
+    camera = with_noise(camera, float(how["gain"]) * read_noise(series[DARK], repeats, opened, camera), alike)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
     about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
     share = float(reached.double().mean())
@@ -215,7 +215,7 @@ def _repeats(taken: torch.Tensor, opened: torch.Tensor) -> float:
     return float(taken[0]) if bool((taken == taken[0]).all()) or not left else float(opened.sum() / left)
 
 
-def _read_noise(darks: torch.Tensor, repeats: torch.Tensor, opened: torch.Tensor, camera: Camera) -> float:
+def read_noise(darks: torch.Tensor, repeats: torch.Tensor, opened: torch.Tensor, camera: Camera) -> float:
     """Root mean square over the pixels of what reading leaves in a joined snapshot, digital numbers.
 
     Frames of the open slots k, each the mean of R_k repeats, less for each the mean of D dark ones, n times in all:
@@ -227,7 +227,7 @@ def _read_noise(darks: torch.Tensor, repeats: torch.Tensor, opened: torch.Tensor
     return float((darks.var(0).mean() * share).sqrt()) / over
 
 
-def _with_noise(camera: Camera, read: float, repeats: float) -> Camera:
+def with_noise(camera: Camera, read: float, repeats: float) -> Camera:
     """The camera, whose sensor reads with this noise in snapshot units, and collects the light of all repeats."""
     settings: dict[str, Any] = {**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0}
     if settings["full_well"] is not None:
@@ -235,7 +235,7 @@ def _with_noise(camera: Camera, read: float, repeats: float) -> Camera:
     return camera.replace(sensor=Sensor(**settings))
 
 
-def _shutter(export: str | Path, camera: Camera) -> torch.Tensor:
+def shutter_of(export: str | Path, camera: Camera) -> torch.Tensor:
     shown = read_export(export)
     if "shutter" not in shown.planes:
         shown = planes_of(camera, str(export))

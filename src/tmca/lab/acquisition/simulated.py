@@ -38,6 +38,7 @@ class SimulatedBench:
         whole: digital numbers reach up to white in a whole exposure; else up to that in a frame of one slot.
         seed: of noise and faults.
         stops_after: frames after which it does not answer any more; never without.
+        drift: rows and columns by which the scene, which goes round at its edges, is elsewhere in the next exposure.
 
     Raises:
         SettingError: bits or black level that leave no range.
@@ -54,6 +55,7 @@ class SimulatedBench:
         whole: bool = True,
         seed: int = 0,
         stops_after: int | None = None,
+        drift: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         if not 1 <= bits <= 16 or (black is not None and not 0 <= black < 2**bits - 1):
             said = f"{bits} bits" + ("" if black is None else f", black at {black}")
@@ -71,7 +73,7 @@ class SimulatedBench:
         self.shown: int | None = None
         self.light: Light | None = None
         self.name: str | None = None
-        self.taken, self.stops_after = 0, stops_after
+        self.taken, self.stops_after, self.drift, self.exposures = 0, stops_after, drift, 0
 
     @property
     def gain(self) -> float:
@@ -130,6 +132,7 @@ class SimulatedBench:
         # that of the converter, whatever the exposure
         numbers[len(numbers) // self.known.buckets :] += self.hardware.bucket_offset * (self.saturation - self.black)
         frame = numbers.round().clamp(0, self.saturation).numpy().astype(np.uint16)
+        self.exposures += whole or self.shown == self.camera.slots - 1
         return frame[0] if len(frame) == 1 else frame
 
     def _on_bench(self, camera: Camera) -> Camera:
@@ -153,9 +156,13 @@ class SimulatedBench:
 
     def _moved(self, seen: list[int] | None) -> tuple[Tensor, ...]:
         """The scene as it is in some slots, in all of them without: (1, n, …) where it moves."""
+        scene = self.scene
+        if any(self.drift):
+            rows, columns = (round(self.exposures * step) for step in self.drift)
+            scene = tuple(part.roll((rows, columns), (-2, -1)) for part in scene)
         if not any(self.hardware.movement):
-            return self.scene
-        moved = moving_scenes(self.scene[0], self.hardware.movement, self.camera.slots)
+            return scene
+        moved = moving_scenes(scene[0], self.hardware.movement, self.camera.slots)
         return (moved if seen is None else moved[:, seen],)
 
     def _noise(self) -> torch.Generator:

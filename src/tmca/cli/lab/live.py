@@ -1,0 +1,192 @@
+"""``tmca live``: exposures of a bench, decoded as they come."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import App, Group, Parameter
+
+from tmca.cli.lab.bench import SIMULATED, BenchOptions
+from tmca.cli.options.numbers import MaybeWhole, On, Whole, pair
+from tmca.cli.options.output import Json, Overwrite, say
+from tmca.cli.progress import progress_bar
+from tmca.errors import SettingError, check_range
+
+if TYPE_CHECKING:
+    from tmca.lab.live import Shown
+
+app = App(name="live", help="Decode what a bench captures as it comes: in the terminal, in a browser, recorded.")
+_BENCH = BenchOptions()
+_RECORD = Parameter(group=Group("Recording", sort_key=2))
+_EVERY = 2.0
+"""Seconds between two lines where nobody watches."""
+
+
+@app.default
+def live(
+    export: Path,
+    /,
+    *,
+    decoder: Annotated[str | None, Parameter(alias="-d")] = None,
+    prior: Path | None = None,
+    weights: str | None = None,
+    bank: Path | None = None,
+    uncertainty: On = True,
+    exposures: MaybeWhole = None,
+    rate: float | None = None,
+    page: On = True,
+    port: Whole = 0,
+    record: Annotated[Path | None, _RECORD] = None,
+    record_estimates: Annotated[bool, _RECORD] = False,
+    overwrite: Annotated[Overwrite, _RECORD] = False,
+    scene: Annotated[str | None, SIMULATED] = None,
+    drift: Annotated[str | None, SIMULATED] = None,
+    bench: BenchOptions = _BENCH,
+    json: Json = False,
+) -> None:
+    """Show EXPORT, a folder of `tmca export`, on a bench, exposure after exposure, and decode each as it comes.
+
+    The newest exposure is decoded; those that came meanwhile are dropped, and counted. Ctrl-C ends it. The page in the
+    browser is served to this machine alone: estimate, spectrum at a pixel, histogram, latencies.
+
+    Args:
+        export: folder of the export.
+        decoder: one that `tmca decoders` lists for the camera; the camera's usual one without.
+        prior: file made by `tmca prior learn`; the rendered scenes' prior without it.
+        weights: of a network: a file or run of `tmca train`, or default; the decoder is then network.
+        bank: file that stores what lmmse computes for camera, noise and prior, for the next start.
+        uncertainty: also estimate every pixel's standard deviation.
+        exposures: how many to decode; until Ctrl-C without.
+        rate: most exposures a second; of the simulated bench those of the export without.
+        page: serve the page.
+        port: of the page; any that is free without.
+        record: Zarr folder, frame by frame; whatever ends the process, it is whole up to its last frame.
+        record_estimates: record estimates beside snapshots.
+        overwrite: replace a recording that is there.
+        scene: before the simulated bench: a file, or the name of a rendered scene.
+        drift: ROWS,COLUMNS by which the scene moves from exposure to exposure.
+    """
+    from tmca.decoders import make_decoder, usual_decoder
+    from tmca.lab.display.manifest import exposed_whole, read_manifest
+    from tmca.lab.live import Exposures, Live
+
+    bench.check(scene if drift is None else scene or drift)
+    if exposures is not None:
+        check_range("--exposures", exposures, 1)
+    if bench.simulated and scene is None:
+        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    taken, manifest = bench.known(export), read_manifest(export)
+    device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
+    rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
+    name = decoder or ("network" if weights else usual_decoder(taken.camera.kind))
+    made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty))
+    with ExitStack() as opened:
+        running = opened.enter_context(Exposures(export, device, taken.camera, timeout=bench.timeout, rate=rate))
+        with progress_bar(f"{name}: preparing") as report:
+            prepared = made.prepare(running.camera, prior, report, bank=bank)
+        takers = _takers(opened, running.camera, (page, port), (record, record_estimates, overwrite))
+        summary = _run(Live(running, prepared), takers, exposures)
+    _say(summary, name, record, json)
+
+
+def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool) -> dict[str, Any]:
+    from tmca.decoders import decoders_for
+
+    cls = decoders_for(kind, moving=None).get(decoder)
+    settings: dict[str, Any] = {} if weights is None else {"weights": weights}
+    return settings | ({"uncertainty": uncertainty} if cls is not None and cls.deviation else {})
+
+
+def _takers(
+    opened: ExitStack, camera: Any, page: tuple[bool, int], record: tuple[Path | None, bool, bool]
+) -> list[Callable[[Shown], None]]:
+    """What every estimate is given to."""
+    from tmca.lab.live import Recording
+    from tmca.lab.live.page import Page
+
+    takers: list[Callable[[Shown], None]] = []
+    path, estimates, overwrite = record
+    if path is not None:
+        recording = opened.enter_context(Recording(path, camera, estimates=estimates, overwrite=overwrite))
+        takers.append(recording.add)
+    if page[0]:
+        served = opened.enter_context(Page(page[1]))
+        print(f"page: {served.address}", file=sys.stderr)
+        takers.append(served.show)
+    return takers
+
+
+def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> dict[str, Any]:
+    """Give every estimate out until there are enough, the bench ends or Ctrl-C; what was measured meanwhile."""
+    latencies: dict[str, list[float]] = {"capture": [], "wait": [], "decode": [], "give": []}
+    begun, done = time.monotonic(), 0
+    with _terminal() as tell:
+        try:
+            for shown in loop:
+                ready = time.monotonic()
+                for take in takers:
+                    take(shown)
+                for stage, seconds in {**shown.seconds, "give": time.monotonic() - ready}.items():
+                    latencies[stage] = [*latencies[stage][-999:], seconds]
+                done += 1
+                tell(shown)
+                if done == most:
+                    break
+        except KeyboardInterrupt:
+            pass
+    spent = time.monotonic() - begun
+    middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items() if values}
+    return {
+        "estimates": done,
+        "dropped": loop.dropped,
+        "seconds": round(spent, 2),
+        "rate": round(done / spent, 2),
+        "ms": middle,
+    }
+
+
+def described(shown: Shown) -> str:
+    """One line on an estimate."""
+    stages = ", ".join(f"{stage} {1e3 * seconds:.0f}" for stage, seconds in shown.seconds.items())
+    return (
+        f"{shown.rate:5.1f} estimates a second · exposure {shown.number} · dropped {shown.dropped} · "
+        f"saturated {shown.saturated:.1%} · residual {shown.residual:.1%} · {stages} ms"
+    )
+
+
+@contextmanager
+def _terminal() -> Iterator[Callable[[Shown], None]]:
+    """Takes estimates: a line that changes; where nobody watches, a line every two seconds."""
+    if not sys.stderr.isatty():
+        last = [float("-inf")]
+
+        def line(shown: Shown) -> None:
+            if time.monotonic() - last[0] >= _EVERY:
+                last[0] = time.monotonic()
+                print(described(shown), file=sys.stderr)
+
+        yield line
+        return
+    from rich.console import Console
+    from rich.live import Live as Changing
+
+    with Changing(console=Console(stderr=True), refresh_per_second=8) as window:
+        yield lambda shown: window.update(described(shown))
+
+
+def _say(summary: dict[str, Any], decoder: str, record: Path | None, as_json: bool) -> None:
+    stages = ", ".join(f"{stage} {value:g}" for stage, value in summary["ms"].items())
+    lines = [
+        f"{summary['estimates']} estimates by {decoder} in {summary['seconds']:g} s, {summary['rate']:g} a second, "
+        f"{summary['dropped']} exposures dropped",
+        f"medians, ms: {stages}" if stages else "no exposure was decoded",
+    ]
+    if record is not None:
+        lines.append(f"recorded: {record}")
+    say({**summary, "decoder": decoder, "recording": None if record is None else str(record)}, as_json, *lines)

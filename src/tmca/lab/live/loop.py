@@ -1,0 +1,126 @@
+"""Capture and decode side by side: the newest exposure is decoded, those that came meanwhile are counted as dropped."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from threading import Condition, Thread
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from tmca.decoders import Estimate, Prepared
+from tmca.lab.live.exposures import Exposures, Taken
+
+_RECENT = 20
+"""Exposures over which rates are taken."""
+_PATIENCE = 2.0
+"""Seconds for which the end of a capture is waited for."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An exposure and what is known of it.
+
+    Args:
+        number: of the exposure; those whose number is missing were dropped.
+        values: (1, C, H, W') snapshot.
+        estimate: of the scene.
+        saturated: share of saturated pixels.
+        residual: ``‖A x̂ - y‖ / ‖y‖``.
+        dropped: exposures so far.
+        seconds: ``capture``, ``wait`` from then to the decoder, ``decode``.
+        rate: estimates a second, of late.
+    """
+
+    number: int
+    values: Tensor
+    estimate: Estimate
+    saturated: float
+    residual: float
+    dropped: int
+    seconds: dict[str, float]
+    rate: float
+
+
+class Live:
+    """``for shown in Live(exposures, prepared)``: estimates as fast as the slower of bench and decoder.
+
+    Args:
+        exposures: of a bench, entered.
+        prepared: decoder, for the camera of the exposures.
+
+    A failing bench ends the loop with its error, after what was decoded was given out; so does an interrupt. Recorded
+    frames are never dropped.
+    """
+
+    def __init__(self, exposures: Exposures, prepared: Prepared) -> None:
+        self.exposures, self.prepared = exposures, prepared
+        self.dropped = 0
+        self._changed = Condition()
+        self._newest: Taken | None = None
+        self._error: BaseException | None = None
+        self._ended = self._stopped = False
+        self._ready: deque[float] = deque(maxlen=_RECENT)
+
+    def __iter__(self) -> Iterator[Shown]:
+        capture = Thread(target=self._capture, name="tmca capture", daemon=True)
+        capture.start()
+        try:
+            while (taken := self._next()) is not None:
+                yield self._decoded(taken)
+        finally:
+            with self._changed:
+                self._stopped = True
+                self._changed.notify_all()
+            capture.join(_PATIENCE)
+
+    def _capture(self) -> None:
+        try:
+            while not self._stopped and (taken := self.exposures.take()) is not None:
+                self._put(taken)
+        except BaseException as error:  # whatever it is, who decodes has to hear of it
+            self._error = error
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+
+    def _put(self, taken: Taken) -> None:
+        with self._changed:
+            while self.exposures.recorded and self._newest is not None and not self._stopped:
+                self._changed.wait()
+            self.dropped += self._newest is not None
+            self._newest = taken
+            self._changed.notify_all()
+
+    def _next(self) -> Taken | None:
+        """The newest exposure; None at the end. Raises what ended the capture."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not None or self._ended)
+            taken, self._newest = self._newest, None
+            self._changed.notify_all()
+        if taken is None and self._error is not None:
+            raise self._error
+        return taken
+
+    def _decoded(self, taken: Taken) -> Shown:
+        begun = time.monotonic()
+        estimate = self.prepared(taken.values)
+        ready = time.monotonic()
+        self._ready.append(ready)
+        seconds = {"capture": taken.seconds, "wait": begun - taken.at, "decode": ready - begun}
+        span = self._ready[-1] - self._ready[0]
+        rate = (len(self._ready) - 1) / span if span > 0 else 0.0
+        residual = residual_of(self.prepared.camera, estimate, taken.values)
+        return Shown(taken.number, taken.values, estimate, taken.saturated, residual, self.dropped, seconds, rate)
+
+
+@torch.no_grad()
+def residual_of(camera: Any, estimate: Estimate, values: Tensor) -> float:
+    """``‖A x̂ - y‖ / ‖y‖`` of a snapshot (B, C, H, W'); of a scene in frames, that of their mean."""
+    scene = estimate.values.mean(1) if estimate.values.ndim > 1 + len(camera.scene_shape) else estimate.values
+    predicted = camera.A(scene) if estimate.depth is None else camera.A(scene, estimate.depth)
+    return float((predicted - values).norm() / values.norm().clamp_min(torch.finfo(values.dtype).tiny))

@@ -1,0 +1,202 @@
+"""A page of the loop on this machine alone: the newest estimate, its spectrum at a point, a histogram, latencies."""
+
+from __future__ import annotations
+
+import io
+import json
+import secrets
+import time
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from threading import Condition, Thread
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tmca.errors import SettingError
+from tmca.lab.live.loop import Shown
+from tmca.plots.cube import rgb_composite
+
+_HOST, _BINS, _QUALITY = "127.0.0.1", 64, 85
+_WAIT = 5.0
+"""Seconds for which a browser waits for a frame before it is asked whether it is still there."""
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "default-src 'self'; style-src 'unsafe-inline'; script-src 'unsafe-inline'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+
+
+class Page:
+    """``with Page(port) as page: page.show(shown)``; ``page.address`` opens it in a browser.
+
+    It is served to this machine alone, to who knows the token in its address, and takes no orders.
+
+    Args:
+        port: 0 for any that is free.
+
+    Raises:
+        SettingError: a port that is in use.
+    """
+
+    def __init__(self, port: int = 0) -> None:
+        self.token = secrets.token_urlsafe(16)
+        self._changed = Condition()
+        self._shown: Shown | None = None
+        self._ended = False
+        page = self
+
+        class Handler(_Handler):
+            board = page
+
+        try:
+            self._server = ThreadingHTTPServer((_HOST, port), Handler)
+        except (OSError, OverflowError) as error:
+            raise SettingError("port", str(port), "a free port of this machine", str(error)) from None
+        self._server.daemon_threads = True
+
+    @property
+    def address(self) -> str:
+        """Of the page, token included."""
+        return f"http://{_HOST}:{self._server.server_address[1]}/?token={self.token}"
+
+    def __enter__(self) -> Page:
+        Thread(target=self._server.serve_forever, name="tmca page", daemon=True).start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        with self._changed:
+            self._ended = True
+            self._changed.notify_all()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def show(self, shown: Shown) -> None:
+        """Let browsers have a newer estimate."""
+        with self._changed:
+            self._shown = shown
+            self._changed.notify_all()
+
+    def newest(self, after: int = -1) -> Shown | None:
+        """The newest estimate, waited for until there is one of another exposure than ``after``; None at the end."""
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._ended or (self._shown is not None and self._shown.number != after), _WAIT
+            )
+            return None if self._ended else self._shown
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers of the page."""
+
+    board: Page
+    protocol_version = "HTTP/1.1"
+
+    def do_GET(self) -> None:
+        asked = urlsplit(self.path)
+        query = {name: values[-1] for name, values in parse_qs(asked.query).items()}
+        port = self.server.server_address[1]
+        hosts = {f"{name}:{port}" for name in (_HOST, "localhost")}
+        if self.headers.get("Host") not in hosts or not secrets.compare_digest(
+            query.get("token", "").encode(), self.board.token.encode()
+        ):
+            self._answer(403, "text/plain", b"the address that `tmca live` printed is needed, token included\n")
+            return
+        answers = {"/": self._page, "/stream": self._stream, "/status": self._status, "/spectrum": self._spectrum}
+        answer = answers.get(asked.path)
+        if answer is None:
+            self._answer(404, "text/plain", b"there is no such page\n")
+            return
+        try:
+            answer(query)
+        except (BrokenPipeError, ConnectionError):  # the browser went away
+            self.close_connection = True
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Nothing: the terminal shows the loop."""
+
+    def _answer(self, code: int, kind: str, body: bytes) -> None:
+        self.send_response(code)
+        for name, value in {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.wfile.write(body)
+
+    def _page(self, query: dict[str, str]) -> None:
+        html = files("tmca.lab.live").joinpath("page.html").read_text().replace("{{token}}", self.board.token)
+        self._answer(200, "text/html; charset=utf-8", html.encode())
+
+    def _stream(self, query: dict[str, str]) -> None:
+        """Pictures one after the other (``multipart/x-mixed-replace``), as browsers show them in an image."""
+        self.send_response(200)
+        for name, value in {**_HEADERS, "Content-Type": "multipart/x-mixed-replace; boundary=frame"}.items():
+            self.send_header(name, value)
+        self.end_headers()
+        self.close_connection, last = True, -1
+        while (shown := self.board.newest(last)) is not None:
+            if shown.number != last:
+                body = jpeg(picture(shown))
+                head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(body)}\r\n\r\n"
+                self.wfile.write(head.encode() + body + b"\r\n")
+                last = shown.number
+
+    def _status(self, query: dict[str, str]) -> None:
+        shown = self.board.newest()
+        self._answer(200, "application/json", json.dumps({} if shown is None else status(shown)).encode())
+
+    def _spectrum(self, query: dict[str, str]) -> None:
+        shown = self.board.newest()
+        said = {} if shown is None else spectrum(shown, query.get("y", ""), query.get("x", ""))
+        self._answer(200, "application/json", json.dumps(said).encode())
+
+
+def picture(shown: Shown) -> NDArray[np.uint8]:
+    """(H, W, 3) estimate as a browser shows it: bands as a composite, of a light field the view in the middle."""
+    values = shown.estimate.values.numpy(force=True)
+    camera = shown.estimate.camera
+    if camera.wavelengths:
+        cube = values[0] if values.ndim == 4 else values[0, values.shape[1] // 2]
+        composite = rgb_composite(cube, camera.wavelengths)
+    else:
+        views = values[:, values.shape[1] // 2, values.shape[2] // 2]
+        grey = views if len(views) == 3 else np.repeat(views[:1], 3, 0)
+        composite = np.moveaxis(np.clip(grey / max(float(np.quantile(grey, 0.995)), 1e-6), 0, 1) ** (1 / 2.2), 0, -1)
+    return (255 * composite).astype(np.uint8)
+
+
+def jpeg(pixels: NDArray[np.uint8]) -> bytes:
+    """The file of a picture (H, W, 3)."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, "JPEG", quality=_QUALITY)
+    return buffer.getvalue()
+
+
+def status(shown: Shown) -> dict[str, Any]:
+    """What the page says beside the picture; latencies in milliseconds."""
+    values = shown.values[0].numpy(force=True)
+    counts, edges = np.histogram(values, _BINS)
+    return {
+        "exposure": shown.number, "rate": shown.rate, "dropped": shown.dropped, "saturated": shown.saturated,
+        "residual": shown.residual, "ms": {name: 1e3 * value for name, value in shown.seconds.items()},
+        "histogram": counts.tolist(), "range": [float(edges[0]), float(edges[-1])],
+        "size": list(shown.estimate.values.shape[-2:]), "decoder": shown.estimate.decoder, "time": time.time(),
+    }  # fmt: skip
+
+
+def spectrum(shown: Shown, row: str, column: str) -> dict[str, Any]:
+    """Values of all channels at a pixel, with their deviation where there is one; nothing beside the frame."""
+    height, width = shown.estimate.values.shape[-2:]
+    if not (row.isdecimal() and column.isdecimal() and int(row) < height and int(column) < width):
+        return {}
+    place = (..., int(row), int(column))
+    values, deviation = shown.estimate.values, shown.estimate.deviation
+    return {
+        "nm": [1e9 * length for length in shown.estimate.camera.wavelengths],
+        "values": values[0][place].flatten().tolist(),
+        "deviation": None if deviation is None else deviation[0][place].flatten().tolist(),
+    }
