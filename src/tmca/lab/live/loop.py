@@ -31,7 +31,7 @@ class Shown:
         estimate: of the scene.
         saturated: share of saturated pixels.
         residual: ``‖A x̂ - y‖ / ‖y‖``.
-        dropped: exposures so far.
+        dropped: exposures before this one.
         seconds: ``capture``, ``wait`` from then to the decoder, ``decode``.
         rate: estimates a second, of late.
     """
@@ -59,7 +59,7 @@ class Live:
 
     def __init__(self, exposures: Exposures, prepared: Prepared) -> None:
         self.exposures, self.prepared = exposures, prepared
-        self.dropped = 0
+        self.dropped = self._before = 0
         self._changed = Condition()
         self._newest: Taken | None = None
         self._error: BaseException | None = None
@@ -71,7 +71,7 @@ class Live:
         capture.start()
         try:
             while (taken := self._next()) is not None:
-                yield self._decoded(taken)
+                yield self._decoded(taken, self._before)
         finally:
             with self._changed:
                 self._stopped = True
@@ -100,13 +100,13 @@ class Live:
         """The newest exposure; None at the end. Raises what ended the capture."""
         with self._changed:
             self._changed.wait_for(lambda: self._newest is not None or self._ended)
-            taken, self._newest = self._newest, None
+            taken, self._newest, self._before = self._newest, None, self.dropped
             self._changed.notify_all()
         if taken is None and self._error is not None:
             raise self._error
         return taken
 
-    def _decoded(self, taken: Taken) -> Shown:
+    def _decoded(self, taken: Taken, dropped: int) -> Shown:
         begun = time.monotonic()
         estimate = self.prepared(taken.values)
         ready = time.monotonic()
@@ -115,7 +115,7 @@ class Live:
         span = self._ready[-1] - self._ready[0]
         rate = (len(self._ready) - 1) / span if span > 0 else 0.0
         residual = residual_of(self.prepared.camera, estimate, taken.values)
-        return Shown(taken.number, taken.values, estimate, taken.saturated, residual, self.dropped, seconds, rate)
+        return Shown(taken.number, taken.values, estimate, taken.saturated, residual, dropped, seconds, rate)
 
 
 @torch.no_grad()

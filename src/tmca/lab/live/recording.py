@@ -132,7 +132,7 @@ def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
     check_choice("camera", about.camera, CAMERAS)
     camera = CAMERAS[about.camera].from_variables(dataset, str(path))
     snapshots, log = _frames(path, camera)
-    for place in range(min(len(snapshots), len(log))):
+    for place in range(min(snapshots.shape[0], log.shape[0])):
         with whole_file(path, _WHOLE):
             row, values = np.asarray(log[place], dtype=np.float64), np.asarray(snapshots[place], dtype=np.float32)
         if not np.isfinite(row[-1]):

@@ -1,0 +1,93 @@
+"""``tmca live`` on the simulated bench and on frames of other software."""
+
+import json
+
+import pytest
+
+from tests.cli.calls import run, said
+from tests.cli.refusals import refused
+from tests.lab.acquisition.test_capture import bench_of, exported
+from tests.lab.display.test_export import spectral
+from tmca.data import write_dataset
+from tmca.lab.acquisition.session import capture
+from tmca.lab.live import recorded
+from tmca.sensor import Sensor
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A folder with an export, its snapshot, and a scene before the bench."""
+    folder, camera = tmp_path_factory.mktemp("live"), spectral(sensor=Sensor(read_noise=0.01))
+    exported(folder, camera, "dli4120", "coded-exposure")
+    scene = bench_of(camera).scene[0]
+    write_dataset(camera.label(scene).to_dataset(name="scene"), folder / "scene.nc")
+    return folder, camera
+
+
+HOW = ("-d", "dagger", "--no-page", "--rate", "50")
+
+
+def test_exposures_are_decoded_and_recorded(capsys, bench, tmp_path):
+    folder, _ = bench
+    out = tmp_path / "r.zarr"
+    how = ("--scene", folder / "scene.nc", "--like", folder / "taken.nc", "--drift", "0,1", "--exposures", "4")
+    report = json.loads(said(capsys, "live", folder / "out", *how, *HOW, "--record", out, "--json"))
+    assert report["estimates"] == 4
+    assert report["decoder"] == "dagger"
+    assert set(report["ms"]) == {"capture", "wait", "decode", "give"}
+    frames = list(recorded(out))
+    assert len(frames) == 4
+    assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]
+
+
+def test_the_page_is_told_and_the_end_too(capsys, bench):
+    folder, _ = bench
+    how = (
+        "--scene",
+        folder / "scene.nc",
+        "--like",
+        folder / "taken.nc",
+        "--exposures",
+        "2",
+        "-d",
+        "dagger",
+        "--rate",
+        "50",
+    )
+    captured = run(capsys, "live", folder / "out", *how)
+    assert "page: http://127.0.0.1:" in captured.err
+    assert "estimates a second" in captured.err
+    assert captured.out.startswith("2 estimates by dagger")
+
+
+def test_frames_of_other_software_are_decoded_to_their_end(capsys, bench, tmp_path):
+    folder, camera = bench
+    frames = capture(folder / "out", bench_of(camera), tmp_path / "f", gain=None, camera=camera, repeats=3)
+    how = ("--device", "folder", "--set", f"path={frames}", "--like", folder / "taken.nc", *HOW)
+    assert "3 estimates by dagger" in said(capsys, "live", folder / "out", *how)
+
+
+def test_a_bench_that_stops_leaves_the_recording_whole(capsys, bench, tmp_path):
+    folder, _ = bench
+    how = ("--scene", folder / "scene.nc", "--like", folder / "taken.nc", "--stops-after", "9", "--rate", "10")
+    line = refused(
+        capsys, "live", folder / "out", *how, "-d", "dagger", "--no-page", "--record", tmp_path / "r.zarr", lines=None
+    )
+    assert "no answer after 9 frames" in line
+    assert 1 <= len(list(recorded(tmp_path / "r.zarr"))) <= 5
+
+
+@pytest.mark.parametrize(("options", "words"), [
+    ((), "--scene"),
+    (("--scene", "coffee", "--exposures", "0"), "--exposures"),
+    (("--scene", "coffee", "--drift", "1"), "--drift"),
+    (("--scene", "coffee", "--rate", "0"), "rate"),
+    (("--device", "folder", "--drift", "0,1"), "simulated bench"),
+    (("--scene", "scene.nc", "--record", "r.nc"), ".zarr"),
+    (("--scene", "scene.nc", "-d", "nonsense"), "decoder"),
+    (("--scene", "scene.nc", "--port", "70000"), "port"),
+])  # fmt: skip
+def test_what_cannot_be_is_one_line(capsys, bench, monkeypatch, options, words):
+    folder, _ = bench
+    monkeypatch.chdir(folder)
+    assert words in refused(capsys, "live", "out", "--like", "taken.nc", *options, lines=None)

@@ -1,0 +1,169 @@
+"""A bench that runs: an exposure is what a capture gives; nothing is dropped in silence."""
+
+import time
+from itertools import pairwise
+
+import pytest
+import torch
+
+from tests.lab.acquisition.test_capture import bench_of, exported
+from tests.lab.display.test_export import mirror, spectral
+from tmca.cameras import LightFieldCamera
+from tmca.decoders import make_decoder
+from tmca.errors import DataError, DeviceError, SettingError
+from tmca.lab.acquisition.drivers import find_device
+from tmca.lab.acquisition.session import capture, joined
+from tmca.lab.live import Exposures, Live
+from tmca.lab.live.loop import residual_of
+from tmca.sensor import Sensor
+
+CAMERAS = {
+    "spectral": spectral(sensor=Sensor(read_noise=0.01)),
+    "per slot": spectral((13, 17), exposure="per-slot", sensor=Sensor(read_noise=0.01)),
+    "two buckets": spectral(buckets=2, shutter="balanced", sensor=Sensor(read_noise=0.01)),
+    "light field": LightFieldCamera(views=3, size=(9, 11), slots=2, sensor=Sensor(read_noise=0.01)),
+    "spectral-depth": mirror().replace(sensor=Sensor(read_noise=0.01)),
+}
+
+
+def devices(camera, shutter):
+    shutter = "coded-exposure-two-bucket" if camera.buckets == 2 else shutter
+    return "dmp40" if hasattr(camera, "planes") else "dli4120", shutter
+
+
+@pytest.mark.parametrize("shutter", ["emulated-shutter", "coded-exposure"])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_an_exposure_is_the_snapshot_of_a_capture(tmp_path, name, shutter):
+    camera = CAMERAS[name]
+    export = exported(tmp_path, camera, *devices(camera, shutter))
+    frames = capture(export, bench_of(camera), tmp_path / "frames", gain=None, camera=camera)
+    wanted = joined(frames, export, camera)
+    with Exposures(export, bench_of(camera), camera) as exposures:
+        first, second = exposures.take(), exposures.take()
+    torch.testing.assert_close(first.values, wanted.values)
+    assert (first.number, second.number) == (0, 1)
+    assert not torch.equal(first.values, second.values)  # other noise
+    assert first.saturated == 0
+
+
+def test_the_scene_of_the_simulated_bench_drifts(tmp_path):
+    camera = spectral()
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+    bench = bench_of(camera, drift=(1, -2))
+    scene = bench.scene[0]
+    with Exposures(export, bench, camera) as exposures:
+        for place in range(3):
+            wanted = camera(scene.roll((place, -2 * place), (-2, -1)))
+            assert float((exposures.take().values - wanted).abs().max()) <= 1.01 * bench.gain
+
+
+def test_noise_is_measured_where_the_camera_knows_none(tmp_path):
+    known, silent = spectral(sensor=Sensor(read_noise=0.02)), spectral()
+    export = exported(tmp_path, known, "dli4120", "coded-exposure")
+    with Exposures(export, bench_of(known), known) as exposures:
+        assert exposures.camera.noise.read == 0.02
+    with Exposures(export, bench_of(known), silent) as exposures:
+        assert exposures.camera.noise.read == pytest.approx(0.02, rel=0.3)
+
+
+def running(tmp_path, bench=None, camera=None, **how):
+    camera = camera or spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+    return Exposures(export, bench or bench_of(camera), camera, **how)
+
+
+def test_estimates_are_those_of_the_decoder(tmp_path):
+    with running(tmp_path, rate=50) as exposures:
+        prepared = make_decoder("tikhonov", "spectral").prepare(exposures.camera)
+        seen = [shown for shown, _ in zip(Live(exposures, prepared), range(3), strict=False)]
+    for shown in seen:
+        again = prepared(shown.values)
+        assert torch.equal(shown.estimate.values, again.values)
+        wanted = (exposures.camera.A(again.values) - shown.values).norm() / shown.values.norm()
+        assert shown.residual == pytest.approx(float(wanted))
+        assert set(shown.seconds) == {"capture", "wait", "decode"}
+    assert [shown.number for shown in seen] == sorted({shown.number for shown in seen})
+    assert seen[-1].rate > 0
+
+
+class Slow:
+    """A prepared decoder that takes its time."""
+
+    def __init__(self, prepared, seconds):
+        self.prepared, self.camera, self.seconds = prepared, prepared.camera, seconds
+
+    def __call__(self, values):
+        time.sleep(self.seconds)
+        return self.prepared(values)
+
+
+def test_exposures_that_come_meanwhile_are_dropped_and_counted(tmp_path):
+    with running(tmp_path, rate=100) as exposures:
+        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
+        loop = Live(exposures, Slow(prepared, 0.2))
+        seen = [shown for shown, _ in zip(loop, range(4), strict=False)]
+    assert seen[-1].dropped > 0
+    for before, after in pairwise(seen):
+        assert after.number - before.number - 1 == after.dropped - before.dropped
+
+
+def test_frames_that_were_recorded_are_all_decoded_and_then_it_ends(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+    folder = capture(export, bench_of(camera), tmp_path / "frames", gain=None, camera=camera, repeats=5)
+    with running(tmp_path, find_device("folder", path=str(folder)), camera) as exposures:
+        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
+        loop = Live(exposures, Slow(prepared, 0.02))
+        assert [shown.number for shown in loop] == [0, 1, 2, 3, 4]
+    assert loop.dropped == 0
+
+
+def test_a_bench_that_stops_in_the_middle_ends_the_loop_with_its_error(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    with running(tmp_path, bench_of(camera, stops_after=4 + 3), camera, rate=50) as exposures:
+        prepared, seen = make_decoder("dagger", "spectral").prepare(exposures.camera), []
+        with pytest.raises(DeviceError, match="no answer after 7 frames"):
+            seen.extend(Live(exposures, prepared))
+    assert 1 <= exposures.number <= 3
+
+
+def test_a_loop_that_is_left_stops_the_bench(tmp_path):
+    with running(tmp_path, rate=100) as exposures:
+        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
+        loop = iter(Live(exposures, prepared))
+        next(loop)
+        loop.close()
+        number = exposures.number
+        time.sleep(0.1)
+        assert exposures.number <= number + 1
+
+
+def test_refusals(tmp_path):
+    with pytest.raises(SettingError, match="rate"):
+        running(tmp_path, rate=0)
+    other = spectral((13, 17), sensor=Sensor(read_noise=0.01))
+    with pytest.raises(DataError):
+        Exposures(exported(tmp_path, spectral(), "dli4120", "coded-exposure"), bench_of(other), other)
+
+
+def test_the_residual_of_depth_and_of_frames():
+    camera = CAMERAS["spectral-depth"]
+    scene, depth = torch.rand(1, *camera.scene_shape), torch.full((1, 1, *camera.size), 0.9)
+    snapshot = camera.A(scene, depth)
+
+    class Found:
+        values, depth = scene, torch.full((1, 1, *camera.size), 0.9)
+
+    assert residual_of(camera, Found, snapshot) < 1e-5
+    assert residual_of(camera, replace_values(Found, 0.5 * scene), snapshot) == pytest.approx(0.5, rel=1e-4)
+    flat = CAMERAS["spectral"]
+    cube = torch.rand(1, *flat.scene_shape)
+
+    class Moving:
+        values, depth = torch.stack((0.5 * cube, 1.5 * cube), 1), None
+
+    assert residual_of(flat, Moving, flat.A(cube)) < 1e-5
+
+
+def replace_values(found, values):
+    return type("Found", (), {"values": values, "depth": found.depth})
