@@ -34,7 +34,7 @@ def test_exposures_are_decoded_and_recorded(capsys, bench, tmp_path):
     report = json.loads(said(capsys, "live", folder / "out", *how, *HOW, "--record", out, "--json"))
     assert report["estimates"] == 4
     assert report["decoder"] == "dagger"
-    assert set(report["ms"]) == {"capture", "wait", "decode", "give"}
+    assert set(report["ms"]) == {"capture", "wait", "decode", "residual", "give"}
     frames = list(recorded(out))
     assert len(frames) == 4
     assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]

@@ -63,7 +63,7 @@ def held_folder(path: str | Path, work: str = "a run") -> Iterator[Path]:
     folder = Path(path)
     new_folders = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
-        with _sole_process(make_folder(folder), work):
+        with sole_process(make_folder(folder) / LOCK, folder, work):
             yield folder
     finally:
         for place in new_folders:
@@ -72,25 +72,34 @@ def held_folder(path: str | Path, work: str = "a run") -> Iterator[Path]:
 
 
 @contextmanager
-def _sole_process(folder: Path, work: str) -> Iterator[None]:
-    """Keep other processes out of a folder that exists; on a disk without locks nobody is kept out."""
+def sole_process(file: Path, path: Path, work: str) -> Iterator[None]:
+    """Keep other processes away meanwhile; on a disk without locks nobody is kept away.
+
+    Args:
+        file: of the lock, in a folder that exists; it is gone afterwards.
+        path: what is worked on, for messages.
+        work: what goes on there.
+
+    Raises:
+        OutputError: another process works on it, or the lock cannot be made.
+    """
     try:
-        handle = lock(folder / LOCK)
+        handle = lock(file)
     except FileNotFoundError:  # the process that made the folder ended in this moment, and took it away
         handle = None
     except NoLocks:
         yield
         return
     except OSError as error:
-        raise output_error(folder, error) from error
+        raise output_error(path, error) from error
     if handle is None:
-        raise OutputError(folder, f"{work} that is going on", "none", "wait for it or choose another folder")
+        raise OutputError(path, f"{work} that is going on", "none", "wait for it or choose another folder")
     with handle:
         try:
             yield
         finally:
             with suppress(OSError):
-                (folder / LOCK).unlink(missing_ok=True)
+                file.unlink(missing_ok=True)
 
 
 def output_error(path: str | Path, error: OSError) -> OutputError:

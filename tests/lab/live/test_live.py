@@ -81,7 +81,7 @@ def test_estimates_are_those_of_the_decoder(tmp_path):
         assert torch.equal(shown.estimate.values, again.values)
         wanted = (exposures.camera.A(again.values) - shown.values).norm() / shown.values.norm()
         assert shown.residual == pytest.approx(float(wanted))
-        assert set(shown.seconds) == {"capture", "wait", "decode"}
+        assert set(shown.seconds) == {"capture", "wait", "decode", "residual"}
     assert [shown.number for shown in seen] == sorted({shown.number for shown in seen})
     assert seen[-1].rate > 0
 

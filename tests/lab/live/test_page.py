@@ -14,12 +14,12 @@ from tmca.cameras import LightFieldCamera
 from tmca.decoders import Estimate
 from tmca.errors import SettingError
 from tmca.lab.live import Shown
-from tmca.lab.live.page import Page, picture
+from tmca.lab.live.page import LivePage, picture
 
 
 @pytest.fixture
 def page():
-    with Page() as page:
+    with LivePage() as page:
         page.show(shown(3))
         yield page
 
@@ -98,9 +98,9 @@ def test_every_camera_has_a_picture():
 @pytest.mark.parametrize("port", [-1, 70000])
 def test_a_port_that_cannot_be_is_refused(port):
     with pytest.raises(SettingError, match="port"):
-        Page(port)
+        LivePage(port)
 
 
 def test_a_port_in_use_is_refused(page):
     with pytest.raises(SettingError, match="free port"):
-        Page(urlsplit(page.address).port)
+        LivePage(urlsplit(page.address).port)

@@ -24,7 +24,9 @@ CAMERA = spectral(sensor=Sensor(read_noise=0.01))
 def shown(number):
     values = torch.full((1, *CAMERA.snapshot_shape), float(number))
     estimate = Estimate(torch.full((1, *CAMERA.scene_shape), 0.5 * number), CAMERA, "dagger")
-    return Shown(number, values, estimate, 0.0, 0.1, 2, {"capture": 0.01, "wait": 0.02, "decode": 0.03}, 9.0)
+    return Shown(
+        number, values, estimate, 0.0, 0.1, 2, {"capture": 0.01, "wait": 0.02, "decode": 0.03, "residual": 0.01}, 9.0
+    )
 
 
 @pytest.fixture
@@ -116,6 +118,8 @@ DAMAGES = {
     "no recording": lambda path: change(path / ".zattrs", recording="something else"),
     "no array": lambda path: shutil.rmtree(path / "frames" / "log"),
     "a cut chunk": lambda path: next((path / "frames" / "snapshot").glob("0*")).write_bytes(b"abc"),
+    "other chunks": lambda path: change(path / "frames" / "log" / ".zarray", chunks=[2, 2]),
+    "a group": lambda path: (path / "frames" / "log" / ".zarray").write_text("{}"),
     "whole numbers": lambda path: change(path / "frames" / "log" / ".zarray", dtype="<i8"),
 }
 
@@ -133,3 +137,22 @@ def test_what_is_no_recording_is_refused(tmp_path):
     CAMERA.variables().to_zarr(tmp_path / "c.zarr", zarr_format=2, consolidated=True)
     with pytest.raises(DataError):
         list(recorded(tmp_path / "c.zarr"))
+
+
+def test_one_process_records_at_a_time(tmp_path):
+    path = tmp_path / "r.zarr"
+    with Recording(path, CAMERA) as recording:
+        second = Recording(path, CAMERA, overwrite=True)
+        with pytest.raises(OutputError, match="going on"):
+            second.__enter__()
+        recording.add(shown(0))
+    assert [file.name for file in tmp_path.iterdir()] == ["r.zarr"]
+    assert len(list(recorded(path))) == 1
+
+
+def test_what_is_no_recording_is_not_replaced(tmp_path):
+    path = tmp_path / "c.zarr"
+    CAMERA.variables().to_zarr(path, zarr_format=2, consolidated=True)
+    with pytest.raises(OutputError, match="no recording"), Recording(path, CAMERA, overwrite=True):
+        pass
+    assert "aperture" in xr.open_zarr(path)

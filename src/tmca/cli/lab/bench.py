@@ -53,15 +53,16 @@ class BenchOptions:
     def _bits(self) -> int:
         return 16 if self.bits is None else self.bits
 
-    def check(self, scene: str | None = None) -> None:
-        """Raises SettingError for options of the other kind of bench; ``scene`` is what stands before it."""
+    def check(self, scene: str | None = None, drift: str | None = None) -> None:
+        """Raises SettingError for options of the other kind of bench; ``scene`` stands, or drifts, before it."""
         if self.simulated:
             for option, value in (("--timeout", self.timeout), ("--set", self.settings)):
                 if value is not None:
                     raise SettingError(option, str(value), "none: the simulated bench has options of its own")
             return
         own = ("bits", "seed", "stops_after", "hardware")
-        for name, value in {"scene": scene, **{name: getattr(self, name) for name in own}}.items():
+        given = {"scene": scene, "drift": drift, **{name: getattr(self, name) for name in own}}
+        for name, value in given.items():
             if value is not None:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")

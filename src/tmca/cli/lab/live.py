@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 import sys
 import time
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -26,6 +27,8 @@ _BENCH = BenchOptions()
 _RECORD = Parameter(group=Group("Recording", sort_key=2))
 _EVERY = 2.0
 """Seconds between two lines where nobody watches."""
+_RECENT = 1000
+"""Estimates over which medians are taken at the end."""
 
 
 @app.default
@@ -76,7 +79,7 @@ def live(
     from tmca.lab.display.manifest import exposed_whole, read_manifest
     from tmca.lab.live import Exposures, Live
 
-    bench.check(scene if drift is None else scene or drift)
+    bench.check(scene, drift)
     if exposures is not None:
         check_range("--exposures", exposures, 1)
     if bench.simulated and scene is None:
@@ -108,7 +111,7 @@ def _takers(
 ) -> list[Callable[[Shown], None]]:
     """What every estimate is given to."""
     from tmca.lab.live import Recording
-    from tmca.lab.live.page import Page
+    from tmca.lab.live.page import LivePage
 
     takers: list[Callable[[Shown], None]] = []
     path, estimates, overwrite = record
@@ -116,7 +119,7 @@ def _takers(
         recording = opened.enter_context(Recording(path, camera, estimates=estimates, overwrite=overwrite))
         takers.append(recording.add)
     if page[0]:
-        served = opened.enter_context(Page(page[1]))
+        served = opened.enter_context(LivePage(page[1]))
         print(f"page: {served.address}", file=sys.stderr)
         takers.append(served.show)
     return takers
@@ -124,7 +127,7 @@ def _takers(
 
 def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> dict[str, Any]:
     """Give every estimate out until there are enough, the bench ends or Ctrl-C; what was measured meanwhile."""
-    latencies: dict[str, list[float]] = {"capture": [], "wait": [], "decode": [], "give": []}
+    latencies: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_RECENT))
     begun, done = time.monotonic(), 0
     with _terminal() as tell:
         try:
@@ -133,7 +136,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
                 for take in takers:
                     take(shown)
                 for stage, seconds in {**shown.seconds, "give": time.monotonic() - ready}.items():
-                    latencies[stage] = [*latencies[stage][-999:], seconds]
+                    latencies[stage].append(seconds)
                 done += 1
                 tell(shown)
                 if done == most:
@@ -141,7 +144,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
         except KeyboardInterrupt:
             pass
     spent = time.monotonic() - begun
-    middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items() if values}
+    middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
     return {
         "estimates": done,
         "dropped": loop.dropped,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from tmca.lab.frames import check_size
 
 
 @dataclass(frozen=True)
-class Taken:
+class Exposure:
     """One exposure.
 
     Args:
@@ -90,11 +91,20 @@ class Exposures:
         Raises:
             DeviceError: the bench does not answer.
         """
-        self.calls.__enter__()
+        with ExitStack() as entered:
+            entered.enter_context(self.calls)
+            self._begin()
+            entered.pop_all()
+        return self
+
+    def _begin(self) -> None:
         self.saturation = self.calls.of(lambda: number_of(self.device, "saturation"))
         self.gain = self.calls.of(lambda: units_of(self.device, self.camera, self.manifest, self.saturation))
         self.calls.of(lambda: self.device.load(Export(self.export, self.manifest)))
-        darks = [self._frame(frame.name, None) for frame in frames_of(self.manifest) if frame.of == DARK]
+        names = [frame.name for frame in frames_of(self.manifest) if frame.of == DARK]
+        if isinstance(self.device, FrameFolder):
+            names = [name for name in self.device.files if name.startswith(DARK)]
+        darks = [self._frame(name, None) for name in names]
         self._dark = torch.stack(darks).mean(0)
         self._opened = (
             torch.ones(1, *self.camera.snapshot_shape[1:]) if self.whole else shutter_of(self.export, self.camera)
@@ -102,12 +112,11 @@ class Exposures:
         if not self.camera.noise.read and not self.camera.noise.shot:
             read = self.gain * read_noise(torch.stack(darks), torch.ones(len(self.steps)), self._opened, self.camera)
             self.camera = with_noise(self.camera, read, 1.0)
-        return self
 
     def __exit__(self, *error: object) -> None:
         self.calls.__exit__(*error)
 
-    def take(self) -> Taken | None:
+    def take(self) -> Exposure | None:
         """The next exposure; None where recorded frames are at their end.
 
         Raises:
@@ -124,7 +133,7 @@ class Exposures:
         light = (frames - self._dark) * self.gain * self._opened.to(frames)[:, None]
         values = light.sum(0) if self.camera.exposure == "per-slot" or self.whole else light.mean(0)
         self.number, now = number + 1, time.monotonic()
-        return Taken(number, values[None].float(), saturated, now - begun, now)
+        return Exposure(number, values[None].float(), saturated, now - begun, now)
 
     def _wait(self) -> None:
         """Until the next exposure may begin."""

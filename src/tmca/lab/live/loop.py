@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from tmca.decoders import Estimate, Prepared
-from tmca.lab.live.exposures import Exposures, Taken
+from tmca.lab.live.exposures import Exposure, Exposures
 
 _RECENT = 20
 """Exposures over which rates are taken."""
@@ -32,7 +32,7 @@ class Shown:
         saturated: share of saturated pixels.
         residual: ``‖A x̂ - y‖ / ‖y‖``.
         dropped: exposures before this one.
-        seconds: ``capture``, ``wait`` from then to the decoder, ``decode``.
+        seconds: ``capture``, ``wait`` from then to the decoder, ``decode``, and ``residual``, to compute it.
         rate: estimates a second, of late.
     """
 
@@ -61,7 +61,7 @@ class Live:
         self.exposures, self.prepared = exposures, prepared
         self.dropped = self._before = 0
         self._changed = Condition()
-        self._newest: Taken | None = None
+        self._newest: Exposure | None = None
         self._error: BaseException | None = None
         self._ended = self._stopped = False
         self._ready: deque[float] = deque(maxlen=_RECENT)
@@ -88,7 +88,7 @@ class Live:
             self._ended = True
             self._changed.notify_all()
 
-    def _put(self, taken: Taken) -> None:
+    def _put(self, taken: Exposure) -> None:
         with self._changed:
             while self.exposures.recorded and self._newest is not None and not self._stopped:
                 self._changed.wait()
@@ -96,7 +96,7 @@ class Live:
             self._newest = taken
             self._changed.notify_all()
 
-    def _next(self) -> Taken | None:
+    def _next(self) -> Exposure | None:
         """The newest exposure; None at the end. Raises what ended the capture."""
         with self._changed:
             self._changed.wait_for(lambda: self._newest is not None or self._ended)
@@ -106,21 +106,23 @@ class Live:
             raise self._error
         return taken
 
-    def _decoded(self, taken: Taken, dropped: int) -> Shown:
+    def _decoded(self, taken: Exposure, dropped: int) -> Shown:
         begun = time.monotonic()
         estimate = self.prepared(taken.values)
         ready = time.monotonic()
         self._ready.append(ready)
-        seconds = {"capture": taken.seconds, "wait": begun - taken.at, "decode": ready - begun}
         span = self._ready[-1] - self._ready[0]
         rate = (len(self._ready) - 1) / span if span > 0 else 0.0
         residual = residual_of(self.prepared.camera, estimate, taken.values)
+        seconds = {"capture": taken.seconds, "wait": begun - taken.at, "decode": ready - begun}
+        seconds["residual"] = time.monotonic() - ready
         return Shown(taken.number, taken.values, estimate, taken.saturated, residual, dropped, seconds, rate)
 
 
 @torch.no_grad()
 def residual_of(camera: Any, estimate: Estimate, values: Tensor) -> float:
-    """``‖A x̂ - y‖ / ‖y‖`` of a snapshot (B, C, H, W'); of a scene in frames, that of their mean."""
+    """``‖A x̂ - y‖ / ‖y‖`` of a snapshot (B, C, H, W'), 0 of a black one; of a scene in frames, that of their mean."""
     scene = estimate.values.mean(1) if estimate.values.ndim > 1 + len(camera.scene_shape) else estimate.values
     predicted = camera.A(scene) if estimate.depth is None else camera.A(scene, estimate.depth)
-    return float((predicted - values).norm() / values.norm().clamp_min(torch.finfo(values.dtype).tiny))
+    light = float(values.norm())
+    return float((predicted - values).norm()) / light if light else 0.0

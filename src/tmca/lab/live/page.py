@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 import json
 import secrets
+import sys
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from socket import socket
 from threading import Condition, Thread
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -21,7 +23,9 @@ from tmca.plots.cube import rgb_composite
 
 _HOST, _BINS, _QUALITY = "127.0.0.1", 64, 85
 _WAIT = 5.0
-"""Seconds for which a browser waits for a frame before it is asked whether it is still there."""
+"""Seconds for which a browser waits for a frame before it hears that there is none."""
+_POLL = 0.1
+"""Seconds after which the server looks whether it is to end."""
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "default-src 'self'; style-src 'unsafe-inline'; script-src 'unsafe-inline'",
@@ -30,8 +34,8 @@ _HEADERS = {
 }
 
 
-class Page:
-    """``with Page(port) as page: page.show(shown)``; ``page.address`` opens it in a browser.
+class LivePage:
+    """``with LivePage(port) as page: page.show(shown)``; ``page.address`` opens it in a browser.
 
     It is served to this machine alone, to who knows the token in its address, and takes no orders.
 
@@ -53,18 +57,23 @@ class Page:
             board = page
 
         try:
-            self._server = ThreadingHTTPServer((_HOST, port), Handler)
+            self._server = _Server((_HOST, port), Handler)
         except (OSError, OverflowError) as error:
             raise SettingError("port", str(port), "a free port of this machine", str(error)) from None
-        self._server.daemon_threads = True
+        self._port = self._server.socket.getsockname()[1]
 
     @property
     def address(self) -> str:
         """Of the page, token included."""
-        return f"http://{_HOST}:{self._server.server_address[1]}/?token={self.token}"
+        return f"http://{_HOST}:{self._port}/?token={self.token}"
 
-    def __enter__(self) -> Page:
-        Thread(target=self._server.serve_forever, name="tmca page", daemon=True).start()
+    @property
+    def hosts(self) -> set[str]:
+        """Names by which a browser of this machine asks for it; others are those of somebody else's page."""
+        return {f"{name}:{self._port}" for name in (_HOST, "localhost")}
+
+    def __enter__(self) -> LivePage:
+        Thread(target=self._server.serve_forever, args=(_POLL,), name="tmca page", daemon=True).start()
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -89,19 +98,30 @@ class Page:
             return None if self._ended else self._shown
 
 
+class _Server(ThreadingHTTPServer):
+    """A thread for every browser, none of which is waited for."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: socket | tuple[bytes, socket], client_address: Any) -> None:
+        """Nothing where a browser went away or stopped to listen; the terminal shows the loop."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
 class _Handler(BaseHTTPRequestHandler):
     """Answers of the page."""
 
-    board: Page
+    board: LivePage
     protocol_version = "HTTP/1.1"
+    timeout = 60.0
 
     def do_GET(self) -> None:
         asked = urlsplit(self.path)
         query = {name: values[-1] for name, values in parse_qs(asked.query).items()}
-        port = self.server.server_address[1]
-        hosts = {f"{name}:{port}" for name in (_HOST, "localhost")}
-        if self.headers.get("Host") not in hosts or not secrets.compare_digest(
-            query.get("token", "").encode(), self.board.token.encode()
+        token = query.get("token", "").encode(errors="replace")
+        if self.headers.get("Host") not in self.board.hosts or not secrets.compare_digest(
+            token, self.board.token.encode()
         ):
             self._answer(403, "text/plain", b"the address that `tmca live` printed is needed, token included\n")
             return
@@ -110,10 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
         if answer is None:
             self._answer(404, "text/plain", b"there is no such page\n")
             return
-        try:
-            answer(query)
-        except (BrokenPipeError, ConnectionError):  # the browser went away
-            self.close_connection = True
+        answer(query)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing: the terminal shows the loop."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 from warnings import catch_warnings, simplefilter
@@ -14,18 +15,20 @@ import torch
 from tmca.attributes import OpenAttributes, attributes_of
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.data import atomic_path, read_dataset
-from tmca.data.folders import output_error
+from tmca.data.atomic import check_target
+from tmca.data.folders import output_error, sole_process
 from tmca.data.formats.stored import whole_file
 from tmca.data.formats.zarr_metadata import check_store
-from tmca.errors import DataError, OutputError, check_choice
+from tmca.errors import DataError, OutputError, TmcaError, check_choice
 from tmca.lab.live.loop import Shown
 from tmca.stored_numbers import check_finite
 
 FORMAT = "tmca recording 1"
 _BLOCK = 64
 """Frames by which arrays grow: they are seldom of unequal length, for a moment."""
-_FRAMES, _WHOLE = "frames", "a whole recording"
-FIELDS = ("number", "saturated", "residual", "dropped", "capture_s", "wait_s", "decode_s", "time")
+_FRAMES, _WHOLE, _REMEDY = "frames", "a whole recording", "take an unchanged copy"
+_STAGES = ("capture", "wait", "decode", "residual")
+FIELDS = ("number", "saturated", "residual", "dropped", *(f"{stage}_s" for stage in _STAGES), "time")
 """Of a frame in ``log``; the time, seconds since 1970, is written last: of a frame that is not whole it is NaN."""
 
 
@@ -50,28 +53,47 @@ class Recording:
         overwrite: replace a recording that is there.
 
     Raises:
-        OutputError: it exists, or cannot be written.
+        OutputError: it exists, is no recording, another process records into it, or it cannot be written.
     """
 
     def __init__(self, path: str | Path, camera: Camera, *, estimates: bool = False, overwrite: bool = False) -> None:
         self.path, self.camera, self.estimates, self.overwrite = Path(path), camera, estimates, overwrite
         self.frames = self._room = 0
         self._arrays: dict[str, Any] = {}
+        self._held = ExitStack()
         if self.path.suffix != ".zarr":
             raise OutputError(self.path, f"the suffix {self.path.suffix!r}", ".zarr", "name it so")
 
     def __enter__(self) -> Recording:
+        check_target(self.path, self.overwrite)
+        with ExitStack() as held:
+            lock = self.path.with_name(f".{self.path.name}.lock")
+            held.enter_context(sole_process(lock, self.path, "a recording"))
+            self._begin()
+            self._held = held.pop_all()
+        return self
+
+    def _begin(self) -> None:
+        """Write what is known before the first frame."""
         import zarr
 
+        if self.path.exists() and not _is_recording(self.path):
+            raise OutputError(
+                self.path, "something that is no recording", "a recording, or a new name", "choose another"
+            )
         with atomic_path(self.path, overwrite=self.overwrite) as temporary:
             dataset = self.camera.variables().assign_coords(field=list(FIELDS)).assign_attrs(recording=FORMAT)
             dataset.to_zarr(temporary, mode="w-", consolidated=False, zarr_format=2)
             self._make_arrays(zarr.open_group(temporary, mode="r+", zarr_format=2).create_group(_FRAMES))
         group = zarr.open_group(self.path / _FRAMES, mode="r+", zarr_format=2)
         self._arrays = {name: group[name] for name in self._shapes()}
-        return self
 
     def __exit__(self, *error: object) -> None:
+        with self._held, _writing(self.path):
+            self._end()
+
+    def _end(self) -> None:
+        """Cut the arrays to the frames there are, and gather what is said of them in one file."""
         import zarr
 
         for array in self._arrays.values():
@@ -87,16 +109,14 @@ class Recording:
             OutputError: no room.
         """
         record = [shown.number, shown.saturated, shown.residual, shown.dropped]
-        record += [shown.seconds[name] for name in ("capture", "wait", "decode")]
+        record += [shown.seconds[stage] for stage in _STAGES]
         values = {"snapshot": shown.values[0], "log": torch.tensor([*record, time.time()], dtype=torch.float64)}
         if self.estimates:
             values["estimate"] = shown.estimate.values[0]
-        try:
+        with _writing(self.path):
             self._grow()
             for name in sorted(values, key=lambda name: name == "log"):
                 self._arrays[name][self.frames] = values[name].numpy(force=True)
-        except OSError as error:
-            raise output_error(self.path, error) from error
         self.frames += 1
 
     def _grow(self) -> None:
@@ -108,9 +128,12 @@ class Recording:
     def _shapes(self) -> dict[str, tuple[tuple[int, ...], tuple[str, ...]]]:
         """Shape and axes of a frame in every array."""
         seen, scene = self.camera.snapshot_shape, tuple(self.camera.scene_shape)
-        arrays = {"snapshot": (seen, ("channel", *self.camera.snapshot_axes(torch.empty(1, *seen))[-2:]))}
+        arrays: dict[str, tuple[tuple[int, ...], tuple[str, ...]]] = {
+            "snapshot": (seen, ("channel", *self.camera.snapshot_axes(torch.empty(1, *seen))[-2:]))
+        }
         if self.estimates:
-            arrays["estimate"] = (scene, self.camera.label(torch.zeros(1, *scene)).dims)
+            axes = self.camera.label(torch.zeros(1, *scene)).dims
+            arrays["estimate"] = (scene, tuple(str(axis) for axis in axes))
         return {**arrays, "log": ((len(FIELDS),), ("field",))}
 
     def _make_arrays(self, group: Any) -> None:
@@ -118,6 +141,24 @@ class Recording:
             kind = "f8" if name == "log" else "f4"
             array = group.create_array(name, shape=(0, *shape), chunks=(1, *shape), dtype=kind, fill_value=float("nan"))
             array.attrs["_ARRAY_DIMENSIONS"] = ["frame", *axes]
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """What cannot be written is told in one line."""
+    try:
+        yield
+    except OSError as error:
+        raise output_error(path, error) from error
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether a folder is one of ours, or empty."""
+    try:
+        attributes_of(_About, read_dataset(path, ["field"]).attrs, path)
+    except TmcaError:
+        return path.is_dir() and not any(path.iterdir())
+    return True
 
 
 def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
@@ -138,6 +179,7 @@ def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
         if not np.isfinite(row[-1]):
             continue  # the process was ended within it
         check_finite(values, path, f"frame {place}")
+        check_finite(row, path, f"log of frame {place}")
         yield Snapshot(torch.from_numpy(values)[None], camera, dict(zip(FIELDS, row.tolist(), strict=True)))
 
 
@@ -145,16 +187,25 @@ def _frames(path: Path, camera: Camera) -> tuple[Any, Any]:
     """The arrays of snapshots and of the log, not yet read."""
     import zarr
 
-    place = path / _FRAMES
+    place, shape = path / _FRAMES, tuple(camera.snapshot_shape)
     if not place.is_dir():
         raise DataError(path, f"no group {_FRAMES}", "a recording of `tmca live`")
     check_store(place)
     with whole_file(path, _WHOLE):
         group = zarr.open_group(place, mode="r")
-        snapshots, log = group["snapshot"], group["log"]
-        shapes = [tuple(array.shape[1:]) for array in (snapshots, log)]
-        kinds = {np.dtype(array.dtype).kind for array in (snapshots, log)}
-    if shapes != [tuple(camera.snapshot_shape), (len(FIELDS),)] or kinds != {"f"}:
-        expected = f"{[tuple(camera.snapshot_shape), (len(FIELDS),)]} numbers"
-        raise DataError(place, f"frames of {shapes}", expected, "take an unchanged copy")
-    return snapshots, log
+        arrays = {name: group[name] for name in ("snapshot", "log")}
+    for array, one in zip(arrays.values(), (shape, (len(FIELDS),)), strict=True):
+        _check_frames(array, one, place)
+    return arrays["snapshot"], arrays["log"]
+
+
+def _check_frames(array: Any, shape: tuple[int, ...], path: Path) -> None:
+    """Raise DataError unless an array holds floating point numbers of this shape, a chunk a frame."""
+    import zarr
+
+    if not isinstance(array, zarr.Array):
+        raise DataError(path, f"a group {array.basename}", "an array", _REMEDY)
+    chunks, kind = tuple(array.chunks), np.dtype(array.dtype).kind
+    if tuple(array.shape[1:]) != shape or chunks != (1, *shape) or kind != "f":
+        found = f"{array.basename} of shape {array.shape} in chunks {chunks}, {array.dtype}"
+        raise DataError(path, found, f"frames {shape} of floating point numbers, a chunk each", _REMEDY)
