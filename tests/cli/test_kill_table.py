@@ -86,8 +86,11 @@ def refused(end):
 
 
 def whole(name, folder, bench):
-    """Every file that is there is one of the command's, and its reader opens it."""
-    assert set(contents(folder)) <= set(bench.undisturbed(name)[0]) | UNFINISHED.get(name, set())
+    """Every file that is there is one of the command's, and its reader opens it; a recording is its beginning."""
+    left, wanted = contents(folder), bench.undisturbed(name)[0]
+    assert set(left) <= set(wanted) | UNFINISHED.get(name, set())
+    for recording in (file for file in left if file.endswith(".zarr")):
+        assert left[recording] == wanted[recording][: len(left[recording])]
 
 
 def checkpoints(run, steps):

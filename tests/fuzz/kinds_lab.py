@@ -209,6 +209,21 @@ def _read_manifest(path: Path) -> Any:
     return shown_digest(manifest), exposed_whole(manifest), frame_time(manifest), devices, placed
 
 
+def _recording(path: Path) -> None:
+    from tests.lab.live.test_recording import CAMERA, shown
+    from tmca.lab.live import Recording
+
+    with Recording(path, CAMERA, estimates=True) as recording:
+        for number in range(3):
+            recording.add(shown(number))
+
+
+def _read_recording(path: Path) -> Any:
+    from tmca.lab.live import recorded
+
+    return list(recorded(path))
+
+
 kind("calibration.nc", _calibration, _read_calibration, infinite=True)
 kind("buckets-calibration.nc", functools.partial(_calibration, buckets=True), _read_calibration, infinite=True)
 kind("calibration1.nc", _calibration_1, _read_calibration, infinite=True)
@@ -222,5 +237,6 @@ kind("decoder.pt2", _decoder, _read_decoder)
 kind("described-decoder", _description, _read_description)
 kind("export", _export, _read_export)
 kind("manifest.json", _manifest, _read_manifest)
+kind("recording.zarr", _recording, _read_recording)
 if find_spec("onnxruntime"):
     kind("decoder.onnx", _decoder, _read_decoder)

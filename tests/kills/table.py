@@ -16,6 +16,7 @@ from safetensors.torch import load_file
 
 from tests.evaluation.test_study import MINE
 from tests.kills.server import Asked, Server
+from tmca.lab.live import recorded
 
 _SMALL = ["--crop", "24x28", "--slots", "2", "--bands", "3"]
 _TRAINING = {
@@ -26,6 +27,7 @@ _TRAINING = {
 _TRAIN = ["train", "spectral", "--config", "run.yaml", "--train", "b.nc", "--accelerator", "cpu", "--steps"]
 _DEVICES = ["--device", "dli4120", "--device", "emulated-shutter"]
 _DBD = ["-M", "9", "-P", "5", "-J", "2", "--targets", "2", "--paths", "1"]
+_REPEATS = ["--device", "folder", "--set", "path=repeats", "--like", "sim.nc"]
 _LEARNED = ["--weights", "run", "--bands", "3", "--crop", "24x32", "--no-figures", "--out"]
 MADE = [
     ["render", "coffee", "--size", "32x40", "--out", "b.nc"],
@@ -37,6 +39,7 @@ MADE = [
     ["simulate", "spectral", "captures/a_truth.nc", *_LEARNED, "captures/a.nc"],
     ["simulate", "spectral", "captures/b_truth.nc", *_LEARNED, "captures/b.nc"],
     ["calibrate", "render", "bench", "--size", "40x45", "--slots", "2", "--seed", "3"],
+    ["capture", "ex", "--scene", "b.nc", "--repeat", "6", "--out", "repeats"],
     ["scan", "render", "table", "--size", "64x96", "--picture", "chelsea"],
     ["dbd", "simulate", *_DBD, "--out", "overlaid.nc"],
 ]
@@ -54,6 +57,8 @@ COMMANDS = {
     "prior learn": ["prior", "learn", "b.nc", "--bands", "3", "--out", "prior.nc", "--overwrite"],
     "export": ["export", "sim.nc", *_DEVICES, "--out", "exported", "--overwrite"],
     "capture": ["capture", "ex", "--scene", "b.nc", "--out", "frames", "--overwrite"],
+    "live": ["live", "ex", *_REPEATS, "-d", "dagger", "--no-page", "--record", "r.zarr", "--record-estimates",
+             "--overwrite"],
     "calibrate": ["calibrate", "dark", "bench/dark", "--out", "cal"],
     "calibrate capture": ["calibrate", "capture", "dark", "ex", "--out", "taken"],
     "scan": ["scan", "depth", "table/captures", "--plan", "table/fringes", "--calibration", "table/calibration.json",
@@ -65,7 +70,7 @@ COMMANDS = {
     "design": ["design", "judge", "sim.nc", "--json"],
     "decoder export": ["decoder", "export", "run", "--out", "decoder", "--formats", "torch", "--overwrite"],
 }  # fmt: skip
-HELD = {"train", "tune", "sweep", "study", "capture", "calibrate capture", "dbd study"}
+HELD = {"train", "tune", "sweep", "study", "capture", "live", "calibrate capture", "dbd study"}
 """Those that hold their folder while they work: a second one is told at once."""
 _DATE = re.compile(r"\d{4}-\d\d-\d\dT[\d:]{6,8}(\+\d\d:\d\d)?([-_]\d+)?")
 _PLACED = re.compile(r"(?<=-)[0-9a-f]{16}(?=\.npy$)")
@@ -99,11 +104,22 @@ def contents(folder: Path) -> dict[str, Any]:
     """Everything that a command left, opened by its reader, by names without dates; hidden files apart."""
     left: dict[str, Any] = {}
     for top in sorted(file for file in folder.iterdir() if not file.is_symlink()):
+        if top.suffix == ".zarr":
+            left[top.name] = _frames(top)
+            continue
         for file in [top] if top.is_file() else sorted(top.rglob("*")):
             name = file.relative_to(folder)
             if file.is_file() and not any(part.startswith(".") for part in name.parts):
                 left[_PLACED.sub("PLACE", _DATE.sub("DATE", name.as_posix()))] = _opened(file)
     return left
+
+
+def _frames(recording: Path) -> list[bytes]:
+    """The snapshots of a recording, which xarray opens as well."""
+    with xr.open_zarr(recording) as camera, xr.open_zarr(recording, group="frames") as frames:
+        camera.load()
+        frames.load()
+    return [frame.values.numpy().tobytes() for frame in recorded(recording)]
 
 
 def _opened(file: Path) -> Any:
@@ -149,7 +165,8 @@ def _plain(value: Any) -> Any:
 def left_over(folder: Path) -> list[str]:
     """Hidden files and folders that a command left; an empty one in the cache stays until something is cached again."""
     tops = [file for file in folder.iterdir() if not file.is_symlink()]
-    hidden = [file for top in tops for file in (top, *top.rglob("*")) if file.name.startswith(".")]
+    files = [file for top in tops for file in ([top] if top.suffix == ".zarr" else [top, *top.rglob("*")])]
+    hidden = [file for file in files if file.name.startswith(".")]
     return [file.name for file in hidden if folder / "cache" not in file.parents or _bytes(file)]
 
 

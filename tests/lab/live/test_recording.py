@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pytest
@@ -85,9 +86,20 @@ def test_a_killed_process_leaves_all_frames_but_the_last(tmp_path):
                 process.send_signal(signal.SIGKILL)
                 break
     last = int(line)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert xr.open_zarr(path, group="frames").sizes["frame"] == 128
     numbers = [int(frame.notes["number"]) for frame in recorded(path)]
     assert numbers == list(range(len(numbers)))
     assert len(numbers) >= last + 1
+
+
+def test_xarray_opens_arrays_that_are_of_unequal_length_for_a_moment(tmp_path):
+    with Recording(tmp_path / "r.zarr", CAMERA) as recording:
+        recording.add(shown(0))
+        recording._arrays["snapshot"].resize((128, *CAMERA.snapshot_shape))  # as where the process is killed here
+        assert xr.open_zarr(tmp_path / "r.zarr", group="frames").sizes["frame"] == 64
+        assert len(list(recorded(tmp_path / "r.zarr"))) == 1
 
 
 def test_a_frame_without_a_time_is_not_there(written):
@@ -129,6 +141,17 @@ def test_what_is_damaged_is_refused(written, damage):
     damage(written)
     with pytest.raises(TmcaError):
         list(recorded(written))
+
+
+def test_codecs_that_are_said_elsewhere_than_where_they_are_checked_count_for_nothing(written):
+    import zarr
+
+    zarr.consolidate_metadata(written / "frames")
+    said = json.loads((written / "frames" / ".zmetadata").read_text())
+    for name in ("log", "snapshot"):
+        said["metadata"][f"{name}/.zarray"]["filters"] = [{"id": "pickle"}]
+    (written / "frames" / ".zmetadata").write_text(json.dumps(said))
+    assert len(list(recorded(written))) == 3
 
 
 def test_what_is_no_recording_is_refused(tmp_path):

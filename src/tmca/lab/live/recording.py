@@ -25,7 +25,7 @@ from tmca.stored_numbers import check_finite
 
 FORMAT = "tmca recording 1"
 _BLOCK = 64
-"""Frames by which arrays grow: they are seldom of unequal length, for a moment."""
+"""Frames by which arrays grow."""
 _FRAMES, _WHOLE, _REMEDY = "frames", "a whole recording", "take an unchanged copy"
 _STAGES = ("capture", "wait", "decode", "residual")
 FIELDS = ("number", "saturated", "residual", "dropped", *(f"{stage}_s" for stage in _STAGES), "time")
@@ -44,7 +44,8 @@ class Recording:
 
     The folder holds the camera's variables, and in its group ``frames`` the arrays ``snapshot (frame, …)`` in snapshot
     units, ``log (frame, field)``, see ``FIELDS``, and, if asked for, ``estimate (frame, …)``:
-    ``xarray.open_zarr(path, group="frames")``. Rows of ``log`` without a time are frames that are not there.
+    ``xarray.open_zarr(path, group="frames")``. Where the process was killed, up to 64 rows at the end are NaN: frames
+    whose ``log`` has no time are not there.
 
     Args:
         path: new folder, ``.zarr``.
@@ -85,22 +86,13 @@ class Recording:
             dataset = self.camera.variables().assign_coords(field=list(FIELDS)).assign_attrs(recording=FORMAT)
             dataset.to_zarr(temporary, mode="w-", consolidated=False, zarr_format=2)
             self._make_arrays(zarr.open_group(temporary, mode="r+", zarr_format=2).create_group(_FRAMES))
+            _consolidate(temporary)
         group = zarr.open_group(self.path / _FRAMES, mode="r+", zarr_format=2)
         self._arrays = {name: group[name] for name in self._shapes()}
 
     def __exit__(self, *error: object) -> None:
         with self._held, _writing(self.path):
-            self._end()
-
-    def _end(self) -> None:
-        """Cut the arrays to the frames there are, and gather what is said of them in one file."""
-        import zarr
-
-        for array in self._arrays.values():
-            array.resize((self.frames, *array.shape[1:]))
-        with catch_warnings():
-            simplefilter("ignore")  # that version 3 of the format has no such metadata yet
-            zarr.consolidate_metadata(self.path)
+            self._resize(self.frames)
 
     def add(self, shown: Shown) -> None:
         """Append a frame.
@@ -121,9 +113,14 @@ class Recording:
 
     def _grow(self) -> None:
         if self.frames == self._room:
-            self._room += _BLOCK
-            for array in self._arrays.values():
-                array.resize((self._room, *array.shape[1:]))
+            self._resize(self._room + _BLOCK)
+
+    def _resize(self, room: int) -> None:
+        """Give all arrays another length; the consolidated metadata, one file, has them change at once."""
+        for array in self._arrays.values():
+            array.resize((room, *array.shape[1:]))
+        _consolidate(self.path)
+        self._room = room
 
     def _shapes(self) -> dict[str, tuple[tuple[int, ...], tuple[str, ...]]]:
         """Shape and axes of a frame in every array."""
@@ -141,6 +138,15 @@ class Recording:
             kind = "f8" if name == "log" else "f4"
             array = group.create_array(name, shape=(0, *shape), chunks=(1, *shape), dtype=kind, fill_value=float("nan"))
             array.attrs["_ARRAY_DIMENSIONS"] = ["frame", *axes]
+
+
+def _consolidate(path: Path) -> None:
+    """Gather what is said of all arrays of a store in one file."""
+    import zarr
+
+    with catch_warnings():
+        simplefilter("ignore")  # that version 3 of the format has no such metadata yet
+        zarr.consolidate_metadata(path)
 
 
 @contextmanager
@@ -192,7 +198,7 @@ def _frames(path: Path, camera: Camera) -> tuple[Any, Any]:
         raise DataError(path, f"no group {_FRAMES}", "a recording of `tmca live`")
     check_store(place)
     with whole_file(path, _WHOLE):
-        group = zarr.open_group(place, mode="r")
+        group = zarr.open_group(place, mode="r", use_consolidated=False)  # what was checked, and nothing else
         arrays = {name: group[name] for name in ("snapshot", "log")}
     for array, one in zip(arrays.values(), (shape, (len(FIELDS),)), strict=True):
         _check_frames(array, one, place)
