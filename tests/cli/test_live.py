@@ -20,7 +20,8 @@ def bench(tmp_path_factory):
     folder, camera = tmp_path_factory.mktemp("live"), spectral(sensor=Sensor(read_noise=0.01))
     exported(folder, camera, "dli4120", "coded-exposure")
     scene = bench_of(camera).scene[0]
-    write_dataset(camera.label(scene).to_dataset(name="scene"), folder / "scene.nc")
+    for name in ("scene.nc", "scene.zarr"):
+        write_dataset(camera.label(scene).to_dataset(name="scene"), folder / name)
     return folder, camera
 
 
@@ -81,7 +82,12 @@ def test_a_bench_that_stops_leaves_the_recording_whole(capsys, bench, tmp_path):
     ((), "--scene"),
     (("--scene", "coffee", "--exposures", "0"), "--exposures"),
     (("--scene", "coffee", "--drift", "1"), "--drift"),
+    (("--scene", "coffee", "--drift", "nan,1"), "--drift"),
+    (("--scene", "coffee", "--drift", "1e300,1"), "--drift"),
     (("--scene", "coffee", "--rate", "0"), "rate"),
+    (("--scene", "scene.nc", "--record-estimates"), "--record-estimates"),
+    (("--scene", "scene.nc", "--record", "none/r.zarr"), "no such folder"),
+    (("--scene", "scene.nc", "--record", "scene.zarr", "--overwrite"), "no recording"),
     (("--device", "folder", "--drift", "0,1"), "simulated bench"),
     (("--scene", "scene.nc", "--record", "r.nc"), ".zarr"),
     (("--scene", "scene.nc", "-d", "nonsense"), "decoder"),

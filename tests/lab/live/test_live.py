@@ -138,6 +138,18 @@ def test_a_loop_that_is_left_stops_the_bench(tmp_path):
         assert exposures.number <= number + 1
 
 
+def test_a_slow_bench_is_not_waited_for_at_the_end(tmp_path):
+    with running(tmp_path, rate=1e-320) as exposures:
+        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
+        loop = iter(Live(exposures, prepared))
+        next(loop)
+        begun = time.monotonic()
+        loop.close()
+        assert time.monotonic() - begun < 1
+        exposures.rate = None
+        assert next(iter(Live(exposures, prepared))).number == 1  # another loop goes on
+
+
 def test_refusals(tmp_path):
     with pytest.raises(SettingError, match="rate"):
         running(tmp_path, rate=0)

@@ -77,25 +77,34 @@ def live(
     """
     from tmca.decoders import make_decoder, usual_decoder
     from tmca.lab.display.manifest import exposed_whole, read_manifest
-    from tmca.lab.live import Exposures, Live
+    from tmca.lab.live import Exposures, Live, Recording, check_recording
 
     bench.check(scene, drift)
     if exposures is not None:
         check_range("--exposures", exposures, 1)
     if bench.simulated and scene is None:
         raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    if record is not None:
+        check_recording(record, overwrite)
+    elif record_estimates:
+        raise SettingError("--record-estimates", "no --record", "a recording that they are part of", "pass --record")
     taken, manifest = bench.known(export), read_manifest(export)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
     rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
     name = decoder or ("network" if weights else usual_decoder(taken.camera.kind))
     made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty))
     with ExitStack() as opened:
+        takers = [_served(opened, port)] if page else []
         running = opened.enter_context(Exposures(export, device, taken.camera, timeout=bench.timeout, rate=rate))
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
-        takers = _takers(opened, running.camera, (page, port), (record, record_estimates, overwrite))
+        if record is not None:
+            recording = Recording(record, running.camera, estimates=record_estimates, overwrite=overwrite)
+            takers.append(opened.enter_context(recording).add)
         summary = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
+    if summary["interrupted"] and exposures is not None:
+        raise KeyboardInterrupt
 
 
 def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool) -> dict[str, Any]:
@@ -106,29 +115,19 @@ def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool) -
     return settings | ({"uncertainty": uncertainty} if cls is not None and cls.deviation else {})
 
 
-def _takers(
-    opened: ExitStack, camera: Any, page: tuple[bool, int], record: tuple[Path | None, bool, bool]
-) -> list[Callable[[Shown], None]]:
-    """What every estimate is given to."""
-    from tmca.lab.live import Recording
+def _served(opened: ExitStack, port: int) -> Callable[[Shown], None]:
+    """Serve the page from now on, and say where; takes estimates."""
     from tmca.lab.live.page import LivePage
 
-    takers: list[Callable[[Shown], None]] = []
-    path, estimates, overwrite = record
-    if path is not None:
-        recording = opened.enter_context(Recording(path, camera, estimates=estimates, overwrite=overwrite))
-        takers.append(recording.add)
-    if page[0]:
-        served = opened.enter_context(LivePage(page[1]))
-        print(f"page: {served.address}", file=sys.stderr)
-        takers.append(served.show)
-    return takers
+    served = opened.enter_context(LivePage(port))
+    print(f"page: {served.address}", file=sys.stderr)
+    return served.show
 
 
 def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> dict[str, Any]:
     """Give every estimate out until there are enough, the bench ends or Ctrl-C; what was measured meanwhile."""
     latencies: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_RECENT))
-    begun, done = time.monotonic(), 0
+    begun, done, interrupted = time.monotonic(), 0, False
     with _terminal() as tell:
         try:
             for shown in loop:
@@ -142,7 +141,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
                 if done == most:
                     break
         except KeyboardInterrupt:
-            pass
+            interrupted = True
     spent = time.monotonic() - begun
     middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
     return {
@@ -150,6 +149,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
         "dropped": loop.dropped,
         "seconds": round(spent, 2),
         "rate": round(done / spent, 2),
+        "interrupted": interrupted,
         "ms": middle,
     }
 

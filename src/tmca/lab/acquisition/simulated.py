@@ -16,7 +16,7 @@ from tmca.cameras import Camera, Hardware, imperfect, moving_scenes
 from tmca.cameras.faulty import FaultyCodes, FaultyShutter
 from tmca.cameras.motion import check_displacement
 from tmca.codes.buckets import bucket_shutters
-from tmca.errors import DeviceError, SettingError
+from tmca.errors import DeviceError, SettingError, check_range
 from tmca.lab.cameras import lab_camera
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
@@ -24,6 +24,8 @@ from tmca.lab.display.manifest import exposed_whole, read_export
 
 _UNSEEN = 1e-12
 """Share of a slot below which a pattern is not seen: rounding."""
+_FARTHEST = 1e6
+"""Pixels by which a scene may drift from exposure to exposure."""
 
 
 class SimulatedBench:
@@ -41,7 +43,7 @@ class SimulatedBench:
         drift: rows and columns by which the scene, which goes round at its edges, is elsewhere in the next exposure.
 
     Raises:
-        SettingError: bits or black level that leave no range.
+        SettingError: bits or black level that leave no range, or a drift that is no number.
     """
 
     def __init__(
@@ -60,6 +62,8 @@ class SimulatedBench:
         if not 1 <= bits <= 16 or (black is not None and not 0 <= black < 2**bits - 1):
             said = f"{bits} bits" + ("" if black is None else f", black at {black}")
             raise SettingError("simulated bench", said, "1 to 16 bits, black below its top")
+        for step in drift:
+            check_range("drift", step, -_FARTHEST, _FARTHEST, unit="pixels an exposure")
         self.known, self.hardware, self.seed = camera, hardware or Hardware(), seed
         self.hardware.check(camera.kind, camera.buckets)
         self.camera, self.scene = self._on_bench(camera), tuple(scene)

@@ -6,6 +6,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from threading import TIMEOUT_MAX, Event
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,9 @@ class Exposures:
         timeout: seconds for every answer of a driver; see `tmca.lab.acquisition.capture`.
         rate: most exposures a second; None for as many as there are.
 
+    Attributes:
+        stopped: set, no exposure is taken any more, nor is the time of the next one waited for.
+
     Raises:
         DataError: an export that was changed, or codes of another camera.
         SettingError: a rate that is none.
@@ -79,6 +83,7 @@ class Exposures:
         self.steps = [frame for frame in frames_of(self.manifest) if frame.of != DARK]
         self.calls: Calls = calls_of(device, self.manifest, timeout)
         self._last = float("-inf")
+        self.stopped = Event()
 
     @property
     def recorded(self) -> bool:
@@ -114,10 +119,11 @@ class Exposures:
             self.camera = with_noise(self.camera, read, 1.0)
 
     def __exit__(self, *error: object) -> None:
+        self.stopped.set()
         self.calls.__exit__(*error)
 
     def take(self) -> Exposure | None:
-        """The next exposure; None where recorded frames are at their end.
+        """The next exposure; None where it is stopped, and where recorded frames are at their end.
 
         Raises:
             DeviceError: no answer, or no frame.
@@ -126,7 +132,8 @@ class Exposures:
         self._wait()
         begun, number = time.monotonic(), self.number
         names = [step.name + (f"_r{number}" if number else "") for step in self.steps]
-        if isinstance(self.device, FrameFolder) and any(name not in self.device.files for name in names):
+        ended = isinstance(self.device, FrameFolder) and any(name not in self.device.files for name in names)
+        if ended or self.stopped.is_set():
             return None
         frames = torch.stack([self._frame(name, step.slot) for name, step in zip(names, self.steps, strict=True)])
         saturated = float((frames >= self.saturation).double().mean())
@@ -138,7 +145,8 @@ class Exposures:
     def _wait(self) -> None:
         """Until the next exposure may begin."""
         if self.rate is not None:
-            time.sleep(max(0.0, self._last + 1 / self.rate - time.monotonic()))
+            due = self._last + 1 / self.rate
+            self.stopped.wait(min(max(0.0, due - time.monotonic()), TIMEOUT_MAX))
         self._last = time.monotonic()
 
     def _frame(self, name: str, slot: int | None) -> Tensor:

@@ -67,12 +67,14 @@ class Live:
         self._ready: deque[float] = deque(maxlen=_RECENT)
 
     def __iter__(self) -> Iterator[Shown]:
+        self.exposures.stopped.clear()
         capture = Thread(target=self._capture, name="tmca capture", daemon=True)
         capture.start()
         try:
             while (taken := self._next()) is not None:
                 yield self._decoded(taken, self._before)
         finally:
+            self.exposures.stopped.set()
             with self._changed:
                 self._stopped = True
                 self._changed.notify_all()

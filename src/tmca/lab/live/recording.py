@@ -62,11 +62,9 @@ class Recording:
         self.frames = self._room = 0
         self._arrays: dict[str, Any] = {}
         self._held = ExitStack()
-        if self.path.suffix != ".zarr":
-            raise OutputError(self.path, f"the suffix {self.path.suffix!r}", ".zarr", "name it so")
+        check_recording(path, overwrite)
 
     def __enter__(self) -> Recording:
-        check_target(self.path, self.overwrite)
         with ExitStack() as held:
             lock = self.path.with_name(f".{self.path.name}.lock")
             held.enter_context(sole_process(lock, self.path, "a recording"))
@@ -78,10 +76,6 @@ class Recording:
         """Write what is known before the first frame."""
         import zarr
 
-        if self.path.exists() and not _is_recording(self.path):
-            raise OutputError(
-                self.path, "something that is no recording", "a recording, or a new name", "choose another"
-            )
         with atomic_path(self.path, overwrite=self.overwrite) as temporary:
             dataset = self.camera.variables().assign_coords(field=list(FIELDS)).assign_attrs(recording=FORMAT)
             dataset.to_zarr(temporary, mode="w-", consolidated=False, zarr_format=2)
@@ -156,6 +150,20 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise output_error(path, error) from error
+
+
+def check_recording(path: str | Path, overwrite: bool = False) -> None:
+    """Say before long work that nothing could be recorded there.
+
+    Raises:
+        OutputError: another suffix, no such folder, or what is there must not be replaced.
+    """
+    path = Path(path)
+    if path.suffix != ".zarr":
+        raise OutputError(path, f"the suffix {path.suffix!r}", ".zarr", "name it so")
+    check_target(path, overwrite)
+    if path.exists() and not _is_recording(path):
+        raise OutputError(path, "something that is no recording", "a recording, or a new name", "choose another")
 
 
 def _is_recording(path: Path) -> bool:
