@@ -15,7 +15,7 @@ import pytest
 import torch
 
 _LONGEST = ("test_kill_table.py", "test_readme.py")
-_APART = ("test_readme.py", "test_every_decoder.py")
+_APART = ("test_every_decoder.py",)
 """Files of long tests that share nothing."""
 _PROVOKED = ("tmca.optics.StrayLight", "tmca.optics.Undersampled", "tmca.lab.quality.Doubtful")
 """Warnings of masks of few pixels and of short captures, which tests use everywhere; those of them ask for them by
