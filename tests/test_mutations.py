@@ -1,13 +1,14 @@
 """Key lines of the source, each made wrong in a copy of it: the quick tests of its subject notice."""
 
 import importlib
-import multiprocessing
 import os
 import shutil
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.prepared import processes
 
 ROOT = Path(__file__).parents[1]
 MUTATIONS = {
@@ -80,18 +81,6 @@ MUTATIONS = {
 }
 
 
-OF_OTHERS = ["h5netcdf", "hypothesis", "pydantic", "pytest", "scipy.ndimage", "skimage.metrics", "torch", "xarray"]
-"""Packages of others, imported once for all mutations."""
-
-
-@pytest.fixture(scope="module")
-def processes():
-    """Processes that have the packages of others, and nothing of this one."""
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(OF_OTHERS)
-    return context
-
-
 def _tested(source, arguments):
     """In a process of its own: exit with what pytest says of a copy of the source."""
     sys.path.insert(0, source)
@@ -104,7 +93,7 @@ def _tested(source, arguments):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MUTATIONS)
-def test_a_wrong_line_is_noticed(name, tmp_path, processes):
+def test_a_wrong_line_is_noticed(name, tmp_path):
     file, right, wrong, (tests, chosen) = MUTATIONS[name]
     shutil.copytree(ROOT / "src", tmp_path / "src")  # what is compiled already is not compiled again
     mutant = tmp_path / "src" / "tmca" / file
@@ -112,7 +101,7 @@ def test_a_wrong_line_is_noticed(name, tmp_path, processes):
     assert text.count(right) == 1, f"{file} no longer has this line: choose another"
     mutant.write_text(text.replace(right, wrong))
     asked = ["-x", "-n", "0", "-p", "no:cacheprovider", f"tests/{tests}", "-m", "not slow", "-k", chosen]
-    process = processes.Process(target=_tested, args=(str(tmp_path / "src"), asked))
+    process = processes().Process(target=_tested, args=(str(tmp_path / "src"), asked))
     process.start()
     process.join()
     assert process.exitcode == pytest.ExitCode.TESTS_FAILED
