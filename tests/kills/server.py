@@ -7,7 +7,6 @@ each ended.
 from __future__ import annotations
 
 import ctypes
-import importlib
 import json
 import os
 import resource
@@ -22,12 +21,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 _CHANGES = {"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate"}
-_HEAVY = (
-    "colour", "contourpy", "lightning_fabric", "matplotlib.backends.backend_agg", "matplotlib.pyplot", "networkx",
-    "scipy.stats", "skimage.exposure", "skimage.io", "skimage.measure", "skimage.segmentation", "torch._dynamo",
-    "torch._export", "torch.export", "torchmetrics",
-)  # fmt: skip
-"""What commands import when they need it, which each child would do again."""
 _CAP_DAC_OVERRIDE, _CAPABILITIES = 1, 0x20080522
 
 
@@ -91,12 +84,10 @@ class Server:
 
 def serve() -> None:
     """Answer until the input ends."""
-    from tests.fuzz.server import prepare
+    from tests.fuzz.server import HEAVY, prepare
     from tmca.priors import finding
 
-    for name in _HEAVY:
-        importlib.import_module(name)
-    prepare()
+    prepare(HEAVY)
     finding._SIZE = (64, 64)  # priors of the rendered scenes are learned in every cold cache
     for line in sys.stdin:
         running = [_started(Asked(**one)) for one in json.loads(line)]
