@@ -15,7 +15,7 @@ import pytest
 import torch
 
 _LONGEST = ("test_kill_table.py", "test_readme.py")
-_APART = ("test_readme.py", "test_every_decoder.py")
+_APART = ("test_every_decoder.py",)
 """Files of long tests that share nothing."""
 _PROVOKED = ("tmca.optics.StrayLight", "tmca.optics.Undersampled", "tmca.lab.quality.Doubtful")
 """Warnings of masks of few pixels and of short captures, which tests use everywhere; those of them ask for them by
@@ -55,9 +55,9 @@ def seeded() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def rendered_once() -> Iterator[None]:
     """Photographs are rendered once for all tests of a worker, which use the same few again and again."""
-    from tmca.data.rendering import scene
+    from tmca.data.rendering import light_field, scene
 
-    render = scene._render
+    render, render_views = scene._render, light_field._render
 
     @lru_cache(maxsize=8)
     def kept(name: str, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: tuple[int, ...]) -> Any:
@@ -67,17 +67,25 @@ def rendered_once() -> Iterator[None]:
         ends = tuple((part.start, part.stop) for part in crop)
         return tuple(part.copy() for part in kept(name, seed, ends, bands.tobytes(), bands.shape))
 
+    kept_views = lru_cache(maxsize=4)(render_views)
+
+    def copied_views(name: str, seed: int, views: int, frame: Any, disparity: Any, colour: bool) -> Any:
+        found = kept_views(name, seed, views, tuple(frame), tuple(disparity), colour)
+        return tuple(part.copy() for part in found)
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scene, "_render", wraps(render)(copied))
+        patch.setattr(light_field, "_render", wraps(render_views)(copied_views))
         yield
 
 
 @pytest.fixture
 def rendered_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every scene of a test is rendered for it."""
-    from tmca.data.rendering import scene
+    from tmca.data.rendering import light_field, scene
 
-    monkeypatch.setattr(scene, "_render", scene._render.__wrapped__)
+    for module in (scene, light_field):
+        monkeypatch.setattr(module, "_render", module._render.__wrapped__)
 
 
 @pytest.fixture(scope="session", autouse=True)

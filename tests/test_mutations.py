@@ -1,12 +1,14 @@
 """Key lines of the source, each made wrong in a copy of it: the quick tests of its subject notice."""
 
+import importlib
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from tests.prepared import processes
 
 ROOT = Path(__file__).parents[1]
 MUTATIONS = {
@@ -79,16 +81,27 @@ MUTATIONS = {
 }
 
 
+def _tested(source, arguments):
+    """In a process of its own: exit with what pytest says of a copy of the source."""
+    sys.path.insert(0, source)
+    os.environ["PYTHONPATH"] = source
+    os.chdir(ROOT)
+    told = pytest.main(arguments)
+    used = Path(importlib.import_module("tmca").__file__)
+    sys.exit(int(told) if used.is_relative_to(source) else pytest.ExitCode.INTERNAL_ERROR.value)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MUTATIONS)
 def test_a_wrong_line_is_noticed(name, tmp_path):
     file, right, wrong, (tests, chosen) = MUTATIONS[name]
-    shutil.copytree(ROOT / "src", tmp_path / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / "src", tmp_path / "src")  # what is compiled already is not compiled again
     mutant = tmp_path / "src" / "tmca" / file
     text = mutant.read_text()
     assert text.count(right) == 1, f"{file} no longer has this line: choose another"
     mutant.write_text(text.replace(right, wrong))
-    pytest_here = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-p", "no:cacheprovider", f"tests/{tests}"]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "src"), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run([*pytest_here, "-m", "not slow", "-k", chosen], cwd=ROOT, env=environment, check=False)
-    assert done.returncode == pytest.ExitCode.TESTS_FAILED
+    asked = ["-x", "-n", "0", "-p", "no:cacheprovider", f"tests/{tests}", "-m", "not slow", "-k", chosen]
+    process = processes().Process(target=_tested, args=(str(tmp_path / "src"), asked))
+    process.start()
+    process.join()
+    assert process.exitcode == pytest.ExitCode.TESTS_FAILED

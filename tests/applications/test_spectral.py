@@ -1,5 +1,7 @@
 """The main job end to end: scene → snapshot → reconstruction → files, pictures and tables."""
 
+import json
+
 import numpy as np
 import pytest
 import torch
@@ -8,6 +10,7 @@ import xarray as xr
 from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.demo import run_demo
 from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cli import main
 from tmca.data import read_dataset, rendered_scene, select_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders import decode
@@ -99,9 +102,10 @@ def test_truth_is_brought_to_the_snapshots_bands_and_size(scene):
 
 
 @pytest.mark.slow
-def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch):
+def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("tmca.priors.finding._VIEWS_SIZE", (40, 48))
-    found = run_demo(tmp_path / "demo", size=(40, 48))
+    main(["demo", "--size", "40x48", "--json", "--out", str(tmp_path / "demo")])
+    found = json.loads(capsys.readouterr().out)
     assert len(found["rows"]) == 10
     assert [row["throughput"] for row in found["light_field"]] == pytest.approx([0.5, 1 / 16], rel=0.2)
     assert all(row["psnr"] > 10 and row["disparity_mae"] >= 0 for row in found["light_field"])

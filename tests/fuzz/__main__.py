@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.fuzz import campaign
 from tests.fuzz.kinds import KINDS
 from tests.fuzz.rooms import load_kinds
-from tests.fuzz.server import Verdict, prepare
+from tests.fuzz.server import HEAVY, Verdict, prepare
 
 REGRESSIONS = Path(__file__).parent / "regressions"
 
@@ -35,7 +35,7 @@ def main() -> int:
     if asked.list:
         print("\n".join(kinds))
         return 0
-    prepare()
+    prepare(() if asked.kinds or asked.regressions else HEAVY)
     if asked.regressions:
         return _replay(kinds)
     campaign.make_seeds(asked.folder / "seeds", kinds)

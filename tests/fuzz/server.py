@@ -26,6 +26,12 @@ SECONDS, BYTES, BATCH = 10.0, 2 * 2**30, 20
 """Limits of one reading: time, and memory above what was used before; readings in one child."""
 _PATIENCE = 6
 """Times as long by the clock as a reading may take where it is not the processor that it waits for."""
+HEAVY = (
+    "colour", "contourpy", "lightning_fabric", "matplotlib.backends.backend_agg", "matplotlib.pyplot", "networkx",
+    "scipy.stats", "skimage.exposure", "skimage.io", "skimage.measure", "skimage.segmentation", "torch._dynamo",
+    "torch._export", "torch.export", "torchmetrics",
+)  # fmt: skip
+"""What is imported where it is needed, which each child would do again."""
 READ, REFUSED = "read", "refused"
 """Good ends; the bad ones: traceback, crash, hang, memory, not finite, unnamed."""
 
@@ -48,8 +54,9 @@ class Verdict:
         return self.end in (READ, REFUSED)
 
 
-def prepare() -> None:
-    """Import once what the readers import, so that every child has it; use nothing that starts threads (Zarr)."""
+def prepare(more: Sequence[str] = ()) -> None:
+    """Import once what the readers import, and more, so that every child has it; use nothing that starts threads
+    (Zarr)."""
     import h5netcdf  # noqa: F401
     import skimage.metrics  # noqa: F401
     import tifffile  # noqa: F401
@@ -66,6 +73,8 @@ def prepare() -> None:
     for module in pkgutil.walk_packages(tmca.__path__, "tmca."):
         if not module.name.endswith("__main__"):
             importlib.import_module(module.name)
+    for name in more:
+        importlib.import_module(name)
     gc.collect()
     gc.freeze()
 

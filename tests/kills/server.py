@@ -84,9 +84,11 @@ class Server:
 
 def serve() -> None:
     """Answer until the input ends."""
-    from tests.fuzz.server import prepare
+    from tests.fuzz.server import HEAVY, prepare
+    from tmca.priors import finding
 
-    prepare()
+    prepare(HEAVY)
+    finding._SIZE = (64, 64)  # priors of the rendered scenes are learned in every cold cache
     for line in sys.stdin:
         running = [_started(Asked(**one)) for one in json.loads(line)]
         ends = [_ended(*one) for one in reversed(running)]

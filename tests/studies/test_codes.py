@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from studies.codes import ablation as lacking
 from studies.codes import ranking as ranks
 from studies.codes import study as studied
 from studies.codes.figures import study_figures
@@ -15,7 +16,7 @@ from studies.codes.searches import task_of
 from studies.codes.study import CORNERS, _first_cell, sensors, study_codes
 from studies.codes.tables import scene_rows, study_markdown
 from studies.codes.tables import test_rows as rows_of_tests
-from tmca.data import load_scene
+from tmca.data import load_scene, rendered_scene, select_bands, write_dataset
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
 
@@ -23,6 +24,11 @@ pytestmark = pytest.mark.slow
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
 SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
+RANKED = (
+    "static, 20% open", "static, designed", "random K = 2", "one-hot K = 2, designed", "free K = 2, designed",
+    "blue noise K = 4", "complementary K = 4", "S-matrix K = 7",
+)  # fmt: skip
+"""A code of every family."""
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +42,9 @@ def few_noises_and_small_scenes():
         patch.setattr(ranks, "SIZE", (48, 48))
         patch.setattr(studied, "READ_NOISES", (0.001, 0.01))
         patch.setattr(studied, "FULL_WELLS", (1e4,))
+        patch.setattr(studied, "RANKED", {name: ranks.RANKED[name] for name in RANKED})
+        patch.setattr(studied, "split_rendered", lambda: {"train": [*SCENES, "chelsea"]})
+        patch.setitem(lacking.INGREDIENTS, "free, one descent, tile of 32×48", lacking._of_period(12, 12))
         yield
 
 
@@ -47,8 +56,24 @@ def test_the_page_is_made_from_its_results_with_pictures(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def found(folder):
-    return study_codes(SCENES, ["coffee"], folder / "out", folder / "work", **SMALL)
+def files(folder):
+    """Small scenes, by name."""
+    made, place = {}, folder / "scenes"
+    place.mkdir()
+    for name in (*SCENES, "coffee"):
+        scene = rendered_scene(name, size=(96, 96))["radiance"]
+        made[name] = str(write_dataset(select_bands(scene, 3), place / f"{name}.nc"))
+    return made
+
+
+@pytest.fixture(scope="module")
+def asked(files, folder):
+    return [files[name] for name in SCENES], [files["coffee"]], folder / "out", folder / "work"
+
+
+@pytest.fixture(scope="module")
+def found(asked):
+    return study_codes(*asked, **SMALL)
 
 
 @pytest.mark.slow
@@ -75,9 +100,9 @@ def test_designs_are_measured_on_test_scenes(found):
 
 
 @pytest.mark.slow
-def test_gains_are_predicted_of_examples_dimmed_to_the_scene(found, folder):
+def test_gains_are_predicted_of_examples_dimmed_to_the_scene(found, files, folder):
     cell, (row,) = _stored_cell(folder, "light")
-    bright, light = task_of(cell), float(load_scene("coffee", bands=3).mean())
+    bright, light = task_of(cell), float(load_scene(files["coffee"], bands=3).mean())
     there = task_of(cell, light)
     assert there.examples.light == pytest.approx(min(light, bright.examples.most_light))
     static, free = (bright.design(kind, slots).camera for kind, slots in (("static", 1), ("free", 2)))
@@ -100,17 +125,14 @@ def _stored_cell(folder, kind, **named):
 
 
 @pytest.mark.slow
-def test_the_study_is_written_and_kept(found, folder):
+def test_the_study_is_written_and_kept(found, asked, files, folder):
     assert json.loads((folder / "out" / "codes.json").read_text())["grid"] == found["grid"]
     assert "prior of the others" in (folder / "out" / "codes.md").read_text()
     assert (folder / "out" / "codes_full_well.png").stat().st_size > 10_000
     with pytest.raises(OutputError, match=r"codes\.json"):
-        study_codes(SCENES, [], folder / "out", folder / "work", **SMALL)
+        study_codes(asked[0], [], folder / "out", folder / "work", **SMALL)
     told = []
-    again = study_codes(
-        SCENES, ["coffee"], folder / "out", folder / "work", overwrite=True, **SMALL,
-        progress=lambda *step: told.append(step),
-    )  # fmt: skip
+    again = study_codes(*asked, overwrite=True, **SMALL, progress=lambda *step: told.append(step))
     assert told == []
     assert again["grid"] == found["grid"]
 
@@ -132,13 +154,13 @@ def test_impossible_studies_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def _small_cell(tmp_path):
-    first = _first_cell(SCENES, tmp_path, 3, (4, 6), Effort(2, 2, 0))
+def _small_cell(files, tmp_path):
+    first = _first_cell([files[name] for name in SCENES], tmp_path, 3, (4, 6), Effort(2, 2, 0))
     return replace(first, sensor={"read_noise": 0.01})
 
 
-def test_a_design_is_searched_once(tmp_path, monkeypatch):
-    cell = _small_cell(tmp_path)
+def test_a_design_is_searched_once(files, tmp_path, monkeypatch):
+    cell = _small_cell(files, tmp_path)
     first = task_of(cell).design("free", 2)
     monkeypatch.setattr("tmca.design.task.search", None)
     again = task_of(cell).design("free", 2)

@@ -1,5 +1,6 @@
 """A run that is killed at any moment and resumed ends as the run that was not, to the last bit."""
 
+import multiprocessing
 import os
 import random
 import shutil
@@ -13,6 +14,7 @@ import pytest
 import torch
 from safetensors.torch import load_file
 
+from tests.prepared import processes
 from tests.training import tiny
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.training.loop import Stopped
@@ -52,27 +54,43 @@ def test_a_run_that_breaks_off_after_any_step_ends_the_same(undisturbed, tmp_pat
     assert same(*weights)
 
 
+def _carried_out(folder, steps, told):
+    """In a process of its own: every step is told when it is done."""
+    torch.set_num_threads(1)
+    tiny.train(folder, lambda done, every, said: told.send(done), **{"optimiser.steps": steps})
+
+
+def begun(folder, steps):
+    """A run in a process of its own, and what it tells."""
+    told, tell = multiprocessing.Pipe(duplex=False)
+    process = processes().Process(target=_carried_out, args=(folder, steps, tell))
+    process.start()
+    tell.close()
+    return process, told
+
+
 @pytest.mark.slow
 def test_sigkill_at_random_moments_changes_nothing(tmp_path):
     """Killed while it sets up, then at random moments after random steps, each time in another piece of the run."""
     moments, steps, reached = random.Random(0), 60, [0]
-    command = [sys.executable, str(TINY), str(tmp_path / "run"), f"optimiser.steps={steps}"]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": os.pathsep.join(sys.path)}
     for phase in ("set-up", "steps", "steps", "steps"):
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        process, told = begun(tmp_path / "run", steps)
         if phase == "set-up":
-            begun = time.monotonic()
-            while not (tmp_path / "run" / "run.json").exists() and time.monotonic() - begun < 120:
+            since = time.monotonic()
+            while not (tmp_path / "run" / "run.json").exists() and time.monotonic() - since < 120:
                 time.sleep(0.005)
         else:
-            seen = [int(process.stdout.readline()) for _ in range(moments.randrange(3, 14))]
+            seen = [told.recv() for _ in range(moments.randrange(3, 14))]
             assert seen[0] > reached[-1] - 2  # from the newest of the checkpoints, which come every two steps
             reached.append(seen[-1])
         time.sleep(moments.uniform(0, 0.05))
-        process.send_signal(signal.SIGKILL)
-        assert process.wait() == -signal.SIGKILL
-    found = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
-    assert reached[-1] - 2 < int(found.stdout.split()[0]) < steps
+        process.kill()
+        process.join()
+        assert process.exitcode == -signal.SIGKILL
+    process, told = begun(tmp_path / "run", steps)
+    assert reached[-1] - 2 < told.recv() < steps
+    process.join()
+    assert process.exitcode == 0
     tiny.train(tmp_path / "undisturbed", **{"optimiser.steps": steps})
     assert same(last_state(tmp_path / "run", steps), last_state(tmp_path / "undisturbed", steps))
 

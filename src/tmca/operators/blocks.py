@@ -7,6 +7,7 @@ blocks that see them whole. Blocks may hang over the image's edge, where the cod
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -56,7 +57,7 @@ class BlockModel:
         """The same blocks before a sensor with another number of buckets a pixel."""
         return replace(self, buckets=buckets)
 
-    @property
+    @cached_property
     def span(self) -> int:
         """Columns between the first and the last tap."""
         return max(self.offsets)
@@ -71,7 +72,7 @@ class BlockModel:
         """Complete measurements of a block."""
         return self.buckets * self.block[1] * self.columns
 
-    @property
+    @cached_property
     def valid(self) -> tuple[int, int]:
         """First and one-past-last block column whose light lands on complete snapshot columns in the most taps."""
         count = [sum(self.span <= x + o < self.block[2] for o in self.offsets) for x in range(self.block[2])]

@@ -90,10 +90,7 @@ def rendered_light_field(
     entry = photograph(name)
     _check(views, disparity, size)
     height, width = linear_rgb(name).shape[:2] if size is None else size
-    surfaces = _staged(name, (height, width), disparity, generator(crc32(f"light field {name}".encode()), seed), colour)
-    steps = np.arange(views) - (views - 1) / 2
-    rendered = [[render_view(surfaces, v, u, (height, width), SAMPLES) for u in steps] for v in steps]
-    pixels = np.clip(np.stack([np.stack([view for view, _ in row]) for row in rendered]), 0, 1)
+    pixels, shown = _render(name, seed, views, (height, width), disparity, colour)
     pixels = np.moveaxis(pixels if linear else encoded(pixels), 2, 0)
     about = {
         "name": f"{name}_{seed}",
@@ -103,7 +100,18 @@ def rendered_light_field(
         "encoding": "linear" if linear else "sRGB",
         "seed": seed,
     }
-    return _dataset(pixels if colour else pixels[0], rendered[views // 2][views // 2][1], about)
+    return _dataset(pixels if colour else pixels[0], shown, about)
+
+
+def _render(
+    name: str, seed: int, views: int, frame: tuple[int, int], disparity: tuple[float, float], colour: bool
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Views (V, U, C, H, W) as relative irradiance, and disparity (H, W) of what the centre view shows."""
+    surfaces = _staged(name, frame, disparity, generator(crc32(f"light field {name}".encode()), seed), colour)
+    steps = np.arange(views) - (views - 1) / 2
+    rendered = [[render_view(surfaces, v, u, frame, SAMPLES) for u in steps] for v in steps]
+    pixels = np.clip(np.stack([np.stack([view for view, _ in row]) for row in rendered]), 0, 1)
+    return pixels, rendered[views // 2][views // 2][1]
 
 
 def _check(views: int, disparity: tuple[float, float], size: tuple[int, int] | None) -> None:

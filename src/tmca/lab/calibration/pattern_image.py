@@ -13,10 +13,17 @@ from tmca.lab.calibration.fitting import whole_shift
 from tmca.lab.frames import Array
 
 SAMPLES = 3
+_FARTHEST = 4.0
+"""Reach of the blur, standard deviations."""
 
 
 def seen_patterns(
-    patterns: ArrayLike, matrix: Array, size: tuple[int, int], blur: float = 0.0, samples: int = SAMPLES
+    patterns: ArrayLike,
+    matrix: Array,
+    size: tuple[int, int],
+    blur: float = 0.0,
+    samples: int = SAMPLES,
+    part: tuple[slice, slice] | None = None,
 ) -> Array:
     """Share of the area of every sensor pixel that patterns leave open.
 
@@ -30,9 +37,10 @@ def seen_patterns(
         size: (H, W) of the sensor.
         blur: standard deviation of the relay's blur, sensor pixels.
         samples: parts of a sensor pixel along an axis, more where it covers many code pixels.
+        part: rows and columns of the sensor that are wanted, all of them if None.
 
     Returns:
-        (P, H, W).
+        (P, H, W), or of the part.
 
     Raises:
         ShapeError: no stack of patterns.
@@ -44,13 +52,19 @@ def seen_patterns(
     back = inverse(matrix)
     reach = np.abs(back[:, :2]).sum(axis=1)
     samples = max(samples, ceil(reach.max()))
-    places = _places(back, size, samples)
+    wanted = part or (slice(0, size[0]), slice(0, size[1]))
+    margin = ceil(_FARTHEST * blur) + 1
+    around = [slice(max(0, w.start - margin), min(n, w.stop + margin)) for w, n in zip(wanted, size, strict=True)]
+    places = _places(back, around, samples)
     fine = _integrated(planes, places, reach / samples)
     if blur > 0:
         from scipy.ndimage import gaussian_filter
 
-        fine = gaussian_filter(fine, (0, blur * samples, blur * samples), mode="nearest")
-    return np.asarray(fine.reshape(len(planes), size[0], samples, size[1], samples).mean(axis=(2, 4)))
+        fine = gaussian_filter(fine, (0, blur * samples, blur * samples), mode="nearest", truncate=_FARTHEST)
+    height, width = (a.stop - a.start for a in around)
+    seen = np.asarray(fine.reshape(len(planes), height, samples, width, samples).mean(axis=(2, 4)))
+    rows, columns = (slice(w.start - a.start, w.stop - a.start) for w, a in zip(wanted, around, strict=True))
+    return seen[:, rows, columns]
 
 
 def inverse(matrix: Array) -> Array:
@@ -80,9 +94,9 @@ def moved(matrix: Array, shift: ArrayLike) -> Array:
     return shifted
 
 
-def _places(back: Array, size: tuple[int, int], samples: int) -> tuple[Array, Array]:
-    """Code coordinates (H·s, W·s) of the middles of all parts of all pixels."""
-    rows, columns = ((np.arange(n * samples) + 0.5) / samples - 0.5 for n in size)
+def _places(back: Array, around: list[slice], samples: int) -> tuple[Array, Array]:
+    """Code coordinates (H·s, W·s) of the middles of all parts of all pixels around."""
+    rows, columns = ((np.arange(a.start * samples, a.stop * samples) + 0.5) / samples - 0.5 for a in around)
     return mapped(back, rows[:, None], columns)
 
 

@@ -243,15 +243,22 @@ def _fitted(shares: Array, shown: Array, lit: np.ndarray, start: Array, level: f
     size = (int(shares.shape[1]), int(shares.shape[2]))
     target = gaussian_filter(shares, (0, level, level), mode="nearest")[:, lit]
     first_blur, samples = ([0.3], SAMPLES) if level == 0 else ([], 1)
+    part = _bounds(lit)
 
     def residuals(values: Array) -> Array:
         blur = float(np.hypot(level, values[6])) if first_blur else level
         matrix = _changed(start, values, shown.shape[1:])
-        return _left(seen_patterns(shown, matrix, size, blur, samples)[:, lit], target)
+        return _left(seen_patterns(shown, matrix, size, blur, samples, part)[:, lit[part]], target)
 
     fine = 1e-7 if level == 0 else 1e-4
     fit = least_squares(residuals, [0.0] * 6 + first_blur, xtol=fine, ftol=fine, max_nfev=30)
     return _changed(start, fit.x, shown.shape[1:]), fit
+
+
+def _bounds(lit: np.ndarray) -> tuple[slice, slice]:
+    """The smallest rectangle of rows and columns that holds all pixels that count."""
+    rows, columns = (np.flatnonzero(lit.any(axis=axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def _left(seen: Array, target: Array) -> Array:
