@@ -189,6 +189,13 @@ def test_a_snapshot_file_brings_back_capture_and_camera(name, tmp_path):
 
 
 @each_camera
+def test_the_model_of_its_attributes_names_all_that_it_writes(name):
+    camera = CAMERAS_UNDER_TEST[name]()
+    written = {*camera.variables().attrs, *camera.variables(tiled=True).attrs}
+    assert written - {*camera.attributes.model_fields} == {"camera", "tmca_version"}
+
+
+@each_camera
 def test_variables_of_one_tile_make_the_camera_at_another_size(name):
     make = CAMERAS_UNDER_TEST[name]
     drawn = {} if name == "burst" else {"shutter": "random"}

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound=Camera)
 _MEANING = {"units": "relative irradiance", "long_name": "snapshot, 1 = one channel of a white scene, everything open"}
 _WIDEST = 256
+_OF_EVERY_CAMERA = ("camera", "tmca_version")
+"""Attributes of `Camera.variables` beside those that its model names."""
 _JSON, _SIMPLE = "json_notes", (str, int, float)
 """Attribute that names the notes in JSON, and the types of those that are not."""
 
@@ -123,8 +125,8 @@ class Snapshot(Generic[Kind]):
             wanted = f"{camera.full_scale:g}, the sum of the response (times K at per-slot exposure)"
             raise DataError(path, f"attribute full_scale {stated:g}", wanted, "correct the attribute or the response")
         values = _values(dataset, camera, str(path))
-        stated_by_camera = camera.variables().attrs
-        notes = {str(name): value for name, value in dataset.attrs.items() if name not in stated_by_camera}
+        of_camera = {*camera.attributes.model_fields, *_OF_EVERY_CAMERA}
+        notes = {str(name): value for name, value in dataset.attrs.items() if name not in of_camera}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
 
     def image(self) -> np.ndarray:
