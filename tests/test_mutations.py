@@ -81,14 +81,18 @@ MUTATIONS = {
 }
 
 
+_SAID = 100
+"""Added to what pytest says: a process that fails otherwise ends with 1 too."""
+
+
 def _tested(source, arguments):
-    """In a process of its own: exit with what pytest says of a copy of the source."""
+    """In a process of its own: exit with ``_SAID`` and what pytest says of a copy of the source."""
     sys.path.insert(0, source)
     os.environ["PYTHONPATH"] = source
     os.chdir(ROOT)
     told = pytest.main(arguments)
     used = Path(importlib.import_module("tmca").__file__)
-    sys.exit(int(told) if used.is_relative_to(source) else pytest.ExitCode.INTERNAL_ERROR.value)
+    sys.exit(_SAID + int(told) if used.is_relative_to(source) else pytest.ExitCode.INTERNAL_ERROR.value)
 
 
 @pytest.mark.slow
@@ -104,4 +108,4 @@ def test_a_wrong_line_is_noticed(name, tmp_path):
     process = processes().Process(target=_tested, args=(str(tmp_path / "src"), asked))
     process.start()
     process.join()
-    assert process.exitcode == pytest.ExitCode.TESTS_FAILED
+    assert process.exitcode == _SAID + pytest.ExitCode.TESTS_FAILED

@@ -169,6 +169,9 @@ def test_what_is_no_bank_is_refused_and_stays(tmp_path, content):
     save_file({"a": torch.zeros(3)}, path)
     with pytest.raises(DataError, match="something else"):
         by_bank(path)
+    save_file({"a": torch.zeros(3)}, path, {"format": "tmca bank 1"})
+    with pytest.raises(DataError, match="found the format tmca bank 1, expected tmca bank 2"):
+        by_bank(path)
     (tmp_path / "folder").mkdir()
     with pytest.raises(DataError, match="name another file"):
         by_bank(tmp_path / "folder")

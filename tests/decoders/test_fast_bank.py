@@ -65,6 +65,13 @@ def test_the_core_of_a_table_is_what_is_left_without_its_weakest_edges(share):
     assert right > left
 
 
+def test_of_a_shutter_that_is_never_open_nothing_is_left_out():
+    camera = TAKEN["spectral"].replace(shutter=torch.zeros(4, 4, 6))
+    prior = GaussianPrior.learn([smooth_scene(60, 90, seed=1)], (8, 20))
+    fast = make_decoder("lmmse", "spectral", {"fast": True}).prepare(camera, prior)
+    assert bool(fast(torch.zeros(1, *camera.snapshot_shape)).values.isfinite().all())
+
+
 def test_it_is_a_setting_of_the_decoder_whose_bank_is_its_own(tmp_path):
     camera, path = TAKEN["spectral"], tmp_path / "b.safetensors"
     prior = GaussianPrior.learn([smooth_scene(60, 90, seed=1)], (8, 20))

@@ -31,7 +31,7 @@ FORMAT = "tmca bank 2"
 _PLACES, _PARTS = ("pixels", "down", "across"), ("pixels", "down", "across", "matrix")
 """Tensors of a cell."""
 _FRAMES = ("offset", "deviation")
-_NAME = "name another file"
+_ANY_FORMAT, _NAME = "tmca bank ", "name another file"
 _LONGEST_HEAD = 2**26
 """Bytes."""
 _SAME_CODE = 1e-6
@@ -125,12 +125,14 @@ def _head(path: Path) -> dict[str, Any]:
         with path.open("rb") as file:
             length = int.from_bytes(file.read(8), "little")
             head = json.loads(file.read(length)).get("__metadata__", {}) if length <= _LONGEST_HEAD else {}
-            found = {} if head.get("format") != FORMAT else head
+            written = str(head.get("format"))
     except (OSError, ValueError, AttributeError, RecursionError):
-        found = {}
-    if not found:
+        head, written = {}, ""
+    if written.startswith(_ANY_FORMAT) and written != FORMAT:
+        raise DataError(path, f"the format {written}", FORMAT, f"{_NAME}, or delete it")
+    if written != FORMAT:
         raise DataError(path, "a file of something else, or its beginning is damaged", "a bank of tmca", _NAME)
-    return dict(found)
+    return dict(head)
 
 
 def _read(path: Path) -> dict[str, Tensor]:

@@ -28,6 +28,8 @@ def smaller(bank: Bank, expected: Tensor) -> Bank:
         expected: (1, R, H, W') snapshot that the prior expects: of it both banks say the same.
     """
     squares = sum(float(cell.matrix.square().sum()) * len(cell.pixels) for cell in bank.cells)
+    if not squares:
+        return bank
     share = LEFT_OUT * float(bank.deviation.square().sum()) / squares
     linear = replace(bank, cells=[_cut(cell, share) for cell in bank.cells], offset=torch.zeros_like(bank.offset))
     return replace(linear, offset=bank.estimate(expected) - linear.estimate(expected))

@@ -329,7 +329,8 @@ class LMMSE(PatchDecoder):
 
     Args:
         uncertainty: also predict the standard deviation of every entry.
-        fast: where many frames follow, decode each in two thirds of the time, some hundredths of a dB below.
+        fast: where it is prepared for many frames behind tiled codes, decode each in two thirds of the time, some
+            hundredths of a dB below.
     """
 
     name, label = "lmmse", "LMMSE"

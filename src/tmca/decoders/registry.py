@@ -71,7 +71,7 @@ def make_decoder(
         check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
-    if not hasattr(cls, "prepare") or isabstract(cls):
+    if not (hasattr(cls, "prepare") and hasattr(cls, "reconstruct")) or isabstract(cls):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
     checked = checked_settings(cls, settings) if settings else {}
     check_parts(cls)
