@@ -3,6 +3,7 @@
 import json
 
 import pytest
+import xarray as xr
 
 from tests.cli.calls import run, said
 from tests.cli.refusals import refused
@@ -39,6 +40,14 @@ def test_exposures_are_decoded_and_recorded(capsys, bench, tmp_path):
     frames = list(recorded(out))
     assert len(frames) == 4
     assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]
+
+
+def test_estimates_of_a_scene_that_moves_are_recorded(capsys, bench, tmp_path):
+    folder, _ = bench
+    how = ("--scene", folder / "scene.nc", "--like", folder / "taken.nc", "--exposures", "1", "--no-page")
+    keep = ("--record", tmp_path / "r.zarr", "--record-estimates")
+    said(capsys, "live", folder / "out", *how, "-d", "space-time-dct", *keep)
+    assert "slot" in xr.open_zarr(tmp_path / "r.zarr", group="frames")["estimate"].dims
 
 
 def test_the_page_is_told_and_the_end_too(capsys, bench):

@@ -101,7 +101,10 @@ def live(
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
         if record is not None:
-            recording = Recording(record, running.camera, estimates=record_estimates, overwrite=overwrite)
+            shape = made.scene_shape(running.camera)
+            recording = Recording(
+                record, running.camera, estimates=record_estimates, scene_shape=shape, overwrite=overwrite
+            )
             takers.append(opened.enter_context(recording).add)
         summary = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
