@@ -87,6 +87,12 @@ def test_a_bench_that_stops_leaves_the_recording_whole(capsys, bench, tmp_path):
     assert 1 <= len(list(recorded(tmp_path / "r.zarr"))) <= 5
 
 
+def test_a_bank_that_no_next_start_could_read_is_refused(capsys, tmp_path):
+    exported(tmp_path, spectral(), "dli4120", "coded-exposure")
+    how = ("--scene", "coffee", "--like", tmp_path / "taken.nc", "--bank", tmp_path / "b.safetensors")
+    assert "--read-noise" in refused(capsys, "live", tmp_path / "out", *how, lines=None)
+
+
 @pytest.mark.parametrize(("options", "words"), [
     ((), "--scene"),
     (("--scene", "coffee", "--exposures", "0"), "--exposures"),

@@ -91,6 +91,7 @@ def live(
     elif record_estimates:
         raise SettingError("--record-estimates", "no --record", "a recording that they are part of", "pass --record")
     taken, manifest = bench.known(export), read_manifest(export)
+    _check_bank(bank, taken.camera)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
     rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
     name = decoder or ("network" if weights else usual_decoder(taken.camera.kind))
@@ -110,6 +111,14 @@ def live(
     _say(summary, name, record, json)
     if summary["interrupted"] and exposures is not None:
         raise KeyboardInterrupt
+
+
+def _check_bank(bank: Path | None, camera: Any) -> None:
+    """Raise SettingError for a bank that no next start could read: noise that is measured at each differs."""
+    if bank is not None and not (camera.noise.read or camera.noise.shot):
+        found = f"{bank}, of a camera without noise, which is measured anew at every start"
+        remedy = "simulate and export with --read-noise, or leave --bank out"
+        raise SettingError("--bank", found, "a camera that knows its noise", remedy)
 
 
 def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> dict[str, Any]:
