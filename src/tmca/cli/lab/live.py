@@ -17,7 +17,7 @@ from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import MaybeWhole, On, Whole, pair
 from tmca.cli.options.output import Json, Overwrite, say
 from tmca.cli.progress import progress_bar
-from tmca.errors import SettingError, check_range
+from tmca.errors import SettingError, TmcaError, check_range
 
 if TYPE_CHECKING:
     from tmca.lab.live import Shown
@@ -107,8 +107,10 @@ def live(
                 record, running.camera, estimates=record_estimates, scene_shape=shape, overwrite=overwrite
             )
             takers.append(opened.enter_context(recording).add)
-        summary = _run(Live(running, prepared), takers, exposures)
+        summary, failure = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
+    if failure is not None:
+        raise failure
     if summary["interrupted"] and exposures is not None:
         raise KeyboardInterrupt
 
@@ -139,17 +141,23 @@ def _served(opened: ExitStack, port: int) -> Callable[[Shown], None]:
     return served.show
 
 
-def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> dict[str, Any]:
-    """Give every estimate out until there are enough, the bench ends or Ctrl-C; what was measured meanwhile."""
+def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> tuple[dict[str, Any], TmcaError | None]:
+    """Give every estimate out until there are enough, the bench ends or fails, or Ctrl-C.
+
+    Returns:
+        What was measured until the last estimate, and what failed.
+    """
     latencies: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_RECENT))
-    begun, done, interrupted = time.monotonic(), 0, False
+    begun = last = time.monotonic()
+    done, interrupted, failure = 0, False, None
     with _terminal() as tell:
         try:
             for shown in loop:
                 ready = time.monotonic()
                 for take in takers:
                     take(shown)
-                for stage, seconds in {**shown.seconds, "give": time.monotonic() - ready}.items():
+                last = time.monotonic()
+                for stage, seconds in {**shown.seconds, "give": last - ready}.items():
                     latencies[stage].append(seconds)
                 done += 1
                 tell(shown)
@@ -157,19 +165,21 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
                     break
         except KeyboardInterrupt:
             interrupted = True
-    spent = time.monotonic() - begun
-    middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
-    return {
+        except TmcaError as error:
+            failure = error
+    spent = last - begun
+    summary = {
         "estimates": done,
         "dropped": loop.dropped,
         "seconds": round(spent, 2),
-        "rate": round(done / spent, 2),
+        "rate": round(done / spent, 2) if done else 0.0,
         "interrupted": interrupted,
-        "ms": middle,
+        "ms": {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()},
     }
+    return summary, failure
 
 
-def described(shown: Shown) -> str:
+def status_line(shown: Shown) -> str:
     """One line on an estimate."""
     stages = ", ".join(f"{stage} {1e3 * seconds:.0f}" for stage, seconds in shown.seconds.items())
     return (
@@ -187,7 +197,7 @@ def _terminal() -> Iterator[Callable[[Shown], None]]:
         def line(shown: Shown) -> None:
             if time.monotonic() - last[0] >= _EVERY:
                 last[0] = time.monotonic()
-                print(described(shown), file=sys.stderr)
+                print(status_line(shown), file=sys.stderr)
 
         yield line
         return
@@ -195,7 +205,7 @@ def _terminal() -> Iterator[Callable[[Shown], None]]:
     from rich.live import Live as Changing
 
     with Changing(console=Console(stderr=True), refresh_per_second=8) as window:
-        yield lambda shown: window.update(described(shown))
+        yield lambda shown: window.update(status_line(shown))
 
 
 def _say(summary: dict[str, Any], decoder: str, record: Path | None, as_json: bool) -> None:
