@@ -91,6 +91,8 @@ def whole(name, folder, bench):
     assert set(left) <= set(wanted) | UNFINISHED.get(name, set())
     for recording in (file for file in left if file.endswith(".zarr")):
         assert left[recording] == wanted[recording][: len(left[recording])]
+        logged = len(list((folder / recording / "frames" / "log").glob("[0-9]*")))
+        assert len(left[recording]) >= logged - 1  # the log of a frame is written last; that of one may be cut
 
 
 def checkpoints(run, steps):

@@ -1,16 +1,20 @@
 """``tmca live`` on the simulated bench and on frames of other software."""
 
 import json
+import time
 
 import pytest
+import xarray as xr
 
 from tests.cli.calls import run, said
 from tests.cli.refusals import refused
 from tests.lab.acquisition.test_capture import bench_of, exported
 from tests.lab.display.test_export import spectral
+from tmca.cli import main
+from tmca.cli.lab.live import _run
 from tmca.data import write_dataset
 from tmca.lab.acquisition.session import capture
-from tmca.lab.live import recorded
+from tmca.lab.live import Shown, recorded
 from tmca.sensor import Sensor
 
 
@@ -39,6 +43,14 @@ def test_exposures_are_decoded_and_recorded(capsys, bench, tmp_path):
     frames = list(recorded(out))
     assert len(frames) == 4
     assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]
+
+
+def test_estimates_of_a_scene_that_moves_are_recorded(capsys, bench, tmp_path):
+    folder, _ = bench
+    how = ("--scene", folder / "scene.nc", "--like", folder / "taken.nc", "--exposures", "1", "--no-page")
+    keep = ("--record", tmp_path / "r.zarr", "--record-estimates")
+    said(capsys, "live", folder / "out", *how, "-d", "space-time-dct", *keep)
+    assert "slot" in xr.open_zarr(tmp_path / "r.zarr", group="frames")["estimate"].dims
 
 
 def test_the_page_is_told_and_the_end_too(capsys, bench):
@@ -76,6 +88,36 @@ def test_a_bench_that_stops_leaves_the_recording_whole(capsys, bench, tmp_path):
     )
     assert "no answer after 9 frames" in line
     assert 1 <= len(list(recorded(tmp_path / "r.zarr"))) <= 5
+
+
+def test_of_a_bench_that_stops_the_summary_is_told(capsys, bench):
+    folder, _ = bench
+    how = ("--scene", folder / "scene.nc", "--like", folder / "taken.nc", "--stops-after", "9", "--rate", "10")
+    with pytest.raises(SystemExit):
+        main([str(word) for word in ("live", folder / "out", *how, "-d", "dagger", "--no-page")])
+    captured = capsys.readouterr()
+    assert "estimates by dagger" in captured.out
+    assert "no answer after 9 frames" in captured.err
+
+
+def test_the_end_of_a_slow_bench_is_not_part_of_the_rate():
+    class Loop:
+        dropped = 0
+
+        def __iter__(self):
+            yield Shown(0, None, None, 0.0, 0.0, 0, {}, 0.0)
+            time.sleep(0.5)
+
+    summary, failure = _run(Loop(), [lambda shown: time.sleep(0.01)], None)
+    assert summary["estimates"] == 1
+    assert summary["seconds"] < 0.3
+    assert failure is None
+
+
+def test_a_bank_that_no_next_start_could_read_is_refused(capsys, tmp_path):
+    exported(tmp_path, spectral(), "dli4120", "coded-exposure")
+    how = ("--scene", "coffee", "--like", tmp_path / "taken.nc", "--bank", tmp_path / "b.safetensors")
+    assert "--read-noise" in refused(capsys, "live", tmp_path / "out", *how, lines=None)
 
 
 @pytest.mark.parametrize(("options", "words"), [

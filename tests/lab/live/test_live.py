@@ -147,7 +147,42 @@ def test_a_slow_bench_is_not_waited_for_at_the_end(tmp_path):
         loop.close()
         assert time.monotonic() - begun < 1
         exposures.rate = None
-        assert next(iter(Live(exposures, prepared))).number == 1  # another loop goes on
+        assert next(iter(Live(exposures, prepared))).number >= 1  # another loop goes on
+
+
+def test_a_second_loop_goes_on_and_ends_the_first(tmp_path):
+    with running(tmp_path, rate=100) as exposures:
+        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
+        first = [shown.number for shown, _ in zip(loop, range(2), strict=False)]
+        before, after = iter(loop), iter(loop)
+        assert next(before).number > first[-1]
+        assert next(after).rate == 0
+        assert len(list(before)) <= 1
+        before.close()
+        numbers = [next(after).number for _ in range(3)]
+        assert numbers == sorted(set(numbers))
+
+
+def test_an_error_of_a_loop_is_not_that_of_the_next(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    bench = bench_of(camera, stops_after=4 + 3)
+    with running(tmp_path, bench, camera, rate=50) as exposures:
+        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
+        with pytest.raises(DeviceError):
+            list(loop)
+        bench.stops_after = None
+        assert next(iter(loop)).values.shape == (1, *camera.snapshot_shape)
+
+
+def test_recorded_frames_of_a_loop_that_another_one_ends_keep_nobody_waiting(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.01))
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
+    folder = capture(export, bench_of(camera), tmp_path / "frames", gain=None, camera=camera, repeats=9)
+    with running(tmp_path, find_device("folder", path=str(folder)), camera) as exposures:
+        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
+        before = iter(loop)
+        next(before)
+        assert [shown.number for shown in loop][-1] == 8
 
 
 def test_refusals(tmp_path):

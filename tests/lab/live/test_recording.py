@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -53,6 +54,16 @@ def test_xarray_opens_it(written, recwarn):
     np.testing.assert_allclose(dataset["estimate"].mean(("wavelength", "y", "x")), [0, 0.5, 1.5])
     assert "aperture" in xr.open_zarr(written)
     assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]
+
+
+def test_frames_of_a_scene_that_moves_are_recorded_by_slot(tmp_path):
+    path, shape = tmp_path / "m.zarr", (4, *CAMERA.scene_shape)
+    estimate = Estimate(torch.rand(1, *shape), CAMERA, "space-time-lmmse")
+    with Recording(path, CAMERA, estimates=True, scene_shape=shape) as recording:
+        recording.add(replace(shown(2), estimate=estimate))
+    kept = xr.open_zarr(path, group="frames")["estimate"]
+    assert kept.dims == ("frame", "slot", "wavelength", "y", "x")
+    np.testing.assert_array_equal(kept[0], estimate.values[0])
 
 
 def test_one_that_exists_is_kept(written):

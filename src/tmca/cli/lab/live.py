@@ -17,7 +17,7 @@ from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import MaybeWhole, On, Whole, pair
 from tmca.cli.options.output import Json, Overwrite, say
 from tmca.cli.progress import progress_bar
-from tmca.errors import SettingError, check_range
+from tmca.errors import SettingError, TmcaError, check_range
 
 if TYPE_CHECKING:
     from tmca.lab.live import Shown
@@ -91,6 +91,7 @@ def live(
     elif record_estimates:
         raise SettingError("--record-estimates", "no --record", "a recording that they are part of", "pass --record")
     taken, manifest = bench.known(export), read_manifest(export)
+    _check_bank(bank, taken.camera)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
     rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
     name = decoder or ("network" if weights else usual_decoder(taken.camera.kind))
@@ -101,12 +102,25 @@ def live(
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
         if record is not None:
-            recording = Recording(record, running.camera, estimates=record_estimates, overwrite=overwrite)
+            shape = made.scene_shape(running.camera)
+            recording = Recording(
+                record, running.camera, estimates=record_estimates, scene_shape=shape, overwrite=overwrite
+            )
             takers.append(opened.enter_context(recording).add)
-        summary = _run(Live(running, prepared), takers, exposures)
+        summary, failure = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
+    if failure is not None:
+        raise failure
     if summary["interrupted"] and exposures is not None:
         raise KeyboardInterrupt
+
+
+def _check_bank(bank: Path | None, camera: Any) -> None:
+    """Raise SettingError for a bank that no next start could read: noise that is measured at each differs."""
+    if bank is not None and not (camera.noise.read or camera.noise.shot):
+        found = f"{bank}, of a camera without noise, which is measured anew at every start"
+        remedy = "simulate and export with --read-noise, or leave --bank out"
+        raise SettingError("--bank", found, "a camera that knows its noise", remedy)
 
 
 def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> dict[str, Any]:
@@ -127,17 +141,23 @@ def _served(opened: ExitStack, port: int) -> Callable[[Shown], None]:
     return served.show
 
 
-def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> dict[str, Any]:
-    """Give every estimate out until there are enough, the bench ends or Ctrl-C; what was measured meanwhile."""
+def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> tuple[dict[str, Any], TmcaError | None]:
+    """Give every estimate out until there are enough, the bench ends or fails, or Ctrl-C.
+
+    Returns:
+        What was measured until the last estimate, and what failed.
+    """
     latencies: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=_RECENT))
-    begun, done, interrupted = time.monotonic(), 0, False
+    begun = last = time.monotonic()
+    done, interrupted, failure = 0, False, None
     with _terminal() as tell:
         try:
             for shown in loop:
                 ready = time.monotonic()
                 for take in takers:
                     take(shown)
-                for stage, seconds in {**shown.seconds, "give": time.monotonic() - ready}.items():
+                last = time.monotonic()
+                for stage, seconds in {**shown.seconds, "give": last - ready}.items():
                     latencies[stage].append(seconds)
                 done += 1
                 tell(shown)
@@ -145,19 +165,21 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
                     break
         except KeyboardInterrupt:
             interrupted = True
-    spent = time.monotonic() - begun
-    middle = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
-    return {
+        except TmcaError as error:
+            failure = error
+    spent = last - begun
+    summary = {
         "estimates": done,
         "dropped": loop.dropped,
         "seconds": round(spent, 2),
-        "rate": round(done / spent, 2),
+        "rate": round(done / spent, 2) if done else 0.0,
         "interrupted": interrupted,
-        "ms": middle,
+        "ms": {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()},
     }
+    return summary, failure
 
 
-def described(shown: Shown) -> str:
+def status_line(shown: Shown) -> str:
     """One line on an estimate."""
     stages = ", ".join(f"{stage} {1e3 * seconds:.0f}" for stage, seconds in shown.seconds.items())
     return (
@@ -175,7 +197,7 @@ def _terminal() -> Iterator[Callable[[Shown], None]]:
         def line(shown: Shown) -> None:
             if time.monotonic() - last[0] >= _EVERY:
                 last[0] = time.monotonic()
-                print(described(shown), file=sys.stderr)
+                print(status_line(shown), file=sys.stderr)
 
         yield line
         return
@@ -183,7 +205,7 @@ def _terminal() -> Iterator[Callable[[Shown], None]]:
     from rich.live import Live as Changing
 
     with Changing(console=Console(stderr=True), refresh_per_second=8) as window:
-        yield lambda shown: window.update(described(shown))
+        yield lambda shown: window.update(status_line(shown))
 
 
 def _say(summary: dict[str, Any], decoder: str, record: Path | None, as_json: bool) -> None:

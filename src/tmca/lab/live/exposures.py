@@ -6,7 +6,7 @@ import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from threading import TIMEOUT_MAX, Event
+from threading import TIMEOUT_MAX, Event, Lock
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,8 @@ class Exposures:
         rate: most exposures a second; None for as many as there are.
 
     Attributes:
-        stopped: set, no exposure is taken any more, nor is the time of the next one waited for.
+        stopped: set, no exposure is taken any more, nor is the time of the next one waited for; every loop has its own.
+        taking: held by the loop that takes.
 
     Raises:
         DataError: an export that was changed, or codes of another camera.
@@ -83,7 +84,7 @@ class Exposures:
         self.steps = [frame for frame in frames_of(self.manifest) if frame.of != DARK]
         self.calls: Calls = calls_of(device, self.manifest, timeout)
         self._last = float("-inf")
-        self.stopped = Event()
+        self.stopped, self.taking = Event(), Lock()
 
     @property
     def recorded(self) -> bool:
@@ -129,11 +130,12 @@ class Exposures:
             DeviceError: no answer, or no frame.
             DataError: a frame of another size.
         """
-        self._wait()
+        stopped = self.stopped
+        self._wait(stopped)
         begun, number = time.monotonic(), self.number
         names = [step.name + (f"_r{number}" if number else "") for step in self.steps]
         ended = isinstance(self.device, FrameFolder) and any(name not in self.device.files for name in names)
-        if ended or self.stopped.is_set():
+        if ended or stopped.is_set():
             return None
         frames = torch.stack([self._frame(name, step.slot) for name, step in zip(names, self.steps, strict=True)])
         saturated = float((frames >= self.saturation).double().mean())
@@ -142,11 +144,11 @@ class Exposures:
         self.number, now = number + 1, time.monotonic()
         return Exposure(number, values[None].float(), saturated, now - begun, now)
 
-    def _wait(self) -> None:
+    def _wait(self, stopped: Event) -> None:
         """Until the next exposure may begin."""
         if self.rate is not None:
             due = self._last + 1 / self.rate
-            self.stopped.wait(min(max(0.0, due - time.monotonic()), TIMEOUT_MAX))
+            stopped.wait(min(max(0.0, due - time.monotonic()), TIMEOUT_MAX))
         self._last = time.monotonic()
 
     def _frame(self, name: str, slot: int | None) -> Tensor:

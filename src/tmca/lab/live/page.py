@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import secrets
 import sys
 import time
@@ -16,6 +17,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from tmca.errors import SettingError
 from tmca.lab.live.loop import Shown
@@ -24,6 +26,8 @@ from tmca.plots.cube import rgb_composite
 _HOST, _BINS, _QUALITY = "127.0.0.1", 64, 85
 _WAIT = 5.0
 """Seconds for which a browser waits for a frame before it hears that there is none."""
+_DIGITS = 9
+"""Of a row or column at most."""
 _POLL = 0.1
 """Seconds after which the server looks whether it is to end."""
 _HEADERS = {
@@ -66,6 +70,11 @@ class LivePage:
     def address(self) -> str:
         """Of the page, token included."""
         return f"http://{_HOST}:{self._port}/?token={self.token}"
+
+    @property
+    def ended(self) -> bool:
+        """Whether no estimate comes any more."""
+        return self._ended
 
     @property
     def hosts(self) -> set[str]:
@@ -143,8 +152,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def _page(self, query: dict[str, str]) -> None:
-        html = files("tmca.lab.live").joinpath("page.html").read_text().replace("{{token}}", self.board.token)
-        self._answer(200, "text/html; charset=utf-8", html.encode())
+        html = files("tmca.lab.live").joinpath("page.html").read_text(encoding="utf-8")
+        self._answer(200, "text/html; charset=utf-8", html.replace("{{token}}", self.board.token).encode())
 
     def _stream(self, query: dict[str, str]) -> None:
         """Pictures one after the other (``multipart/x-mixed-replace``), as browsers show them in an image."""
@@ -153,30 +162,33 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header(name, value)
         self.end_headers()
         self.close_connection, last = True, -1
+        self.wfile.write(b"--frame\r\n")
         while (shown := self.board.newest(last)) is not None:
             if shown.number != last:
                 body = jpeg(picture(shown))
-                head = f"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: {len(body)}\r\n\r\n"
-                self.wfile.write(head.encode() + body + b"\r\n")
+                head = f"Content-Type: image/jpeg\r\nContent-Length: {len(body)}\r\n\r\n"
+                self.wfile.write(head.encode() + body + b"\r\n--frame\r\n")  # the end of the part: it is shown at once
                 last = shown.number
 
     def _status(self, query: dict[str, str]) -> None:
         shown = self.board.newest()
-        self._answer(200, "application/json", json.dumps({} if shown is None else status(shown)).encode())
+        self._say({"ended": self.board.ended} if shown is None else status(shown))
 
     def _spectrum(self, query: dict[str, str]) -> None:
         shown = self.board.newest()
         said = {} if shown is None else spectrum(shown, query.get("y", ""), query.get("x", ""))
-        self._answer(200, "application/json", json.dumps(said).encode())
+        self._say(said)
+
+    def _say(self, said: dict[str, Any]) -> None:
+        self._answer(200, "application/json", json.dumps(_finite(said), allow_nan=False).encode())
 
 
 def picture(shown: Shown) -> NDArray[np.uint8]:
     """(H, W, 3) estimate as a browser shows it: bands as a composite, of a light field the view in the middle."""
-    values = shown.estimate.values.numpy(force=True)
     camera = shown.estimate.camera
+    values = _still(shown.estimate.values, camera).numpy(force=True)
     if camera.wavelengths:
-        cube = values[0] if values.ndim == 4 else values[0, values.shape[1] // 2]
-        composite = rgb_composite(cube, camera.wavelengths)
+        composite = rgb_composite(values[0], camera.wavelengths)
     else:
         views = values[:, values.shape[1] // 2, values.shape[2] // 2]
         grey = views if len(views) == 3 else np.repeat(views[:1], 3, 0)
@@ -206,14 +218,34 @@ def status(shown: Shown) -> dict[str, Any]:
 
 
 def spectrum(shown: Shown, row: str, column: str) -> dict[str, Any]:
-    """Values of all channels at a pixel, with their deviation where there is one; nothing beside the frame."""
+    """Values of all bands, or views, at a pixel, with their deviation where there is one; nothing beside the frame.
+
+    Of a scene that moves, those of the frame in the middle, which the picture shows too.
+    """
     height, width = shown.estimate.values.shape[-2:]
-    if not (row.isdecimal() and column.isdecimal() and int(row) < height and int(column) < width):
+    if not all(place.isdecimal() and len(place) <= _DIGITS for place in (row, column)):
         return {}
-    place = (..., int(row), int(column))
-    values, deviation = shown.estimate.values, shown.estimate.deviation
+    if int(row) >= height or int(column) >= width:
+        return {}
+    place, camera, deviation = (..., int(row), int(column)), shown.estimate.camera, shown.estimate.deviation
     return {
-        "nm": [1e9 * length for length in shown.estimate.camera.wavelengths],
-        "values": values[0][place].flatten().tolist(),
-        "deviation": None if deviation is None else deviation[0][place].flatten().tolist(),
+        "heading": "Spectrum" if camera.wavelengths else "Views",
+        "nm": [1e9 * length for length in camera.wavelengths],
+        "values": _still(shown.estimate.values, camera)[0][place].flatten().tolist(),
+        "deviation": None if deviation is None else _still(deviation, camera)[0][place].flatten().tolist(),
     }
+
+
+def _still(values: Tensor, camera: Any) -> Tensor:
+    """(B, *scene_shape) of scenes; of those that move, (B, K, *scene_shape), the frame in the middle."""
+    moves = values.ndim > 1 + len(camera.scene_shape)
+    return values[:, values.shape[1] // 2] if moves else values
+
+
+def _finite(said: Any) -> Any:
+    """What JSON can say: None for numbers that are not finite."""
+    if isinstance(said, dict):
+        return {name: _finite(value) for name, value in said.items()}
+    if isinstance(said, list):
+        return [_finite(value) for value in said]
+    return None if isinstance(said, float) and not math.isfinite(said) else said

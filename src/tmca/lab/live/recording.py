@@ -51,13 +51,24 @@ class Recording:
         path: new folder, ``.zarr``.
         camera: that takes the snapshots.
         estimates: record these too.
+        scene_shape: of an estimate, ``decoder.scene_shape(camera)``; frames of a scene that moves, (K,
+            *camera.scene_shape), have the axis ``slot``. The camera's if None.
         overwrite: replace a recording that is there.
 
     Raises:
         OutputError: it exists, is no recording, another process records into it, or it cannot be written.
     """
 
-    def __init__(self, path: str | Path, camera: Camera, *, estimates: bool = False, overwrite: bool = False) -> None:
+    def __init__(
+        self,
+        path: str | Path,
+        camera: Camera,
+        *,
+        estimates: bool = False,
+        scene_shape: tuple[int, ...] | None = None,
+        overwrite: bool = False,
+    ) -> None:
+        self.scene_shape = tuple(scene_shape or camera.scene_shape)
         self.path, self.camera, self.estimates, self.overwrite = Path(path), camera, estimates, overwrite
         self.frames = self._room = 0
         self._arrays: dict[str, Any] = {}
@@ -118,13 +129,14 @@ class Recording:
 
     def _shapes(self) -> dict[str, tuple[tuple[int, ...], tuple[str, ...]]]:
         """Shape and axes of a frame in every array."""
-        seen, scene = self.camera.snapshot_shape, tuple(self.camera.scene_shape)
+        seen, still = self.camera.snapshot_shape, tuple(self.camera.scene_shape)
         arrays: dict[str, tuple[tuple[int, ...], tuple[str, ...]]] = {
             "snapshot": (seen, ("channel", *self.camera.snapshot_axes(torch.empty(1, *seen))[-2:]))
         }
         if self.estimates:
-            axes = self.camera.label(torch.zeros(1, *scene)).dims
-            arrays["estimate"] = (scene, tuple(str(axis) for axis in axes))
+            axes = [str(axis) for axis in self.camera.label(torch.zeros(1, *still)).dims]
+            slots = ["slot"] if len(self.scene_shape) > len(still) else []
+            arrays["estimate"] = (self.scene_shape, (*slots, *axes))
         return {**arrays, "log": ((len(FIELDS),), ("field",))}
 
     def _make_arrays(self, group: Any) -> None:
