@@ -48,6 +48,59 @@ def test_it_is_learned_read_and_reconstructs(installed, capsys):
     assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
 
 
+OWN = '''
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+from torch import Tensor
+
+from tmca.priors import Prior
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Levels(Prior):
+    """Not of Gaussian blocks, and two arrays in its file."""
+
+    kind, called, learned_by = "levels", "levels of scenes", "learn_prior(scenes, camera, 'levels')"
+    dimensions = {"low": ("band",), "high": ("band",)}
+    low: Tensor
+    high: Tensor
+    sources: tuple[str, ...] = ()
+    wavelengths: tuple[float, ...] | None = None
+
+    @property
+    def block(self):
+        return len(self.low), 1, 1
+
+    @classmethod
+    def learn(cls, cubes, block, *, sources=(), wavelengths=None, views=None):
+        values = cubes[0].double().flatten(1)
+        return cls(values.amin(1), values.amax(1), tuple(sources), wavelengths)
+
+    def sample(self, count, seed):
+        return self.low.expand(count, -1)[..., None, None]
+
+    def figure(self):
+        figure = Figure()
+        figure.add_subplot().plot(self.low)
+        return figure
+
+    def arrays(self):
+        return {"low": self.low, "high": self.high}
+
+    @classmethod
+    def from_arrays(cls, arrays, about):
+        return cls(arrays["low"], arrays["high"], about["sources"], about["wavelengths"])
+'''
+
+
+def test_one_of_another_form_is_drawn(installed, capsys):
+    installed(OWN)
+    learn_prior([read("coffee", bands=3, size=(32, 40))], SpectralCamera(bands=3), "levels").save("levels.nc")
+    main(["prior", "show", "levels.nc"])
+    assert Path("levels.png").read_bytes().startswith(b"\x89PNG")
+
+
 @pytest.mark.slow
 def test_it_is_used_as_contributing_shows(installed):
     installed(SOURCE)

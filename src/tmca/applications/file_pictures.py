@@ -49,14 +49,11 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     names = set(description.get("variables", {})) | set(description.get("coords", {}))
     if holds_snapshot(names):
         return snapshot_figure(Snapshot.load(path), path.name)
-    if "covariance" in names or "autocovariance" in names:
+    if str(description.get("attrs", {}).get("format", "")).startswith("tmca prior"):
         from tmca.priors import load_prior
 
-        return load_prior(path).figure()
-    if {"atom", "scale"} <= names:
-        from tmca.priors import PatchDictionary
-
-        return PatchDictionary.load(path).figure()
+        figure: Figure = load_prior(path).figure()
+        return figure
     if description["kind"] == "light field":
         return _light_field(path, variable, **views)
     if description["kind"] == "RGB-D scene":
