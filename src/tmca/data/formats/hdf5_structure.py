@@ -1,7 +1,7 @@
 """What in HDF5 files leads the library astray: where it would step for ever, crash, ask for all memory, or read others.
 
-See the "HDF5 File Format Specification", levels 0A (superblock) and 1E (global heap), and "HDF5 Dimension Scale
-Specification".
+See the "HDF5 File Format Specification", levels 0A (superblock), 1A (B-trees) and 1E (global heap), and "HDF5 Dimension
+Scale Specification".
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ _LOOKED_AT = 2**18
 """Bytes at either end of a file, where writers put what describes its data."""
 _HDF5, _FIRST_BLOCK, _LAST_BLOCK = b"\x89HDF\r\n\x1a\n", 512, 2**16
 """Signature of a superblock: at the beginning, or where a power of two of bytes of something else lie before it."""
+_TREE, _NODE = b"TREE", 8
+"""Signature of a node of a tree, and the bytes of it before the addresses of its siblings."""
 _HEAP, _HEAD, _OBJECT = b"GCOL\x01\x00\x00\x00", 16, struct.Struct("<HHIQ")
 
 
@@ -26,35 +28,67 @@ def misleading(path: Path) -> str:
 
     Only the first and last 256 kB are looked at.
     """
+    size = path.stat().st_size
     with path.open("rb") as file:
-        ends = [file.read(_LOOKED_AT)]
-        if (size := path.stat().st_size) > _LOOKED_AT:
-            file.seek(max(_LOOKED_AT, size - _LOOKED_AT))
-            ends.append(file.read())
-    if _names_driver(ends[0]):
+        ends = {0: file.read(_LOOKED_AT)}
+        if size > _LOOKED_AT:
+            behind = max(_LOOKED_AT, size - _LOOKED_AT)
+            file.seek(behind)
+            ends[behind] = file.read()
+    start = _superblock(ends[0])
+    if start is not None and _names_driver(ends[0], start):
         return "a damaged superblock"
-    stuck = any(_stuck(end, place) for end in ends for place in _places(end))
+    if start is not None and _goes_round(ends, start):
+        return "a damaged tree of names or chunks"
+    stuck = any(_stuck(end, place) for end in ends.values() for place in _places(end, _HEAP))
     return "a damaged heap of texts and references" if stuck else ""
 
 
-def _names_driver(data: bytes) -> bool:
-    """Whether a superblock of version 0 or 1 names a block about a driver, which files in one piece do not have: the
-    library would take its size from anywhere."""
+def _superblock(data: bytes) -> int | None:
+    """Where it begins; None without one."""
     start = 0
     while data[start : start + len(_HDF5)] != _HDF5:
         start = 2 * start or _FIRST_BLOCK
         if start > _LAST_BLOCK:
-            return False
+            return None
+    return start
+
+
+def _names_driver(data: bytes, start: int) -> bool:
+    """Whether a superblock of version 0 or 1 names a block about a driver, which files in one piece do not have: the
+    library would take its size from anywhere."""
     version, size = data[start + 8], data[start + 13]
     place = start + 24 + 4 * version + 3 * size  # behind the addresses of base, free space and end
     return version < 2 and data[place : place + size] != b"\xff" * size
 
 
-def _places(data: bytes) -> Iterator[int]:
-    place = data.find(_HEAP)
+def _goes_round(ends: Mapping[int, bytes], start: int) -> bool:
+    """Whether nodes of a tree of version 1 follow each other in a circle: the library goes from each to its right
+    sibling as long as there is one."""
+    version = ends[0][start + 8]
+    size = ends[0][start + (13 if version < 2 else 9)]
+    right: dict[int, int] = {}
+    for offset, data in ends.items():
+        for place in _places(data, _TREE):
+            sibling = data[place + _NODE + size : place + _NODE + 2 * size]
+            right[offset + place - start] = int.from_bytes(sibling, "little")
+    settled: set[int] = set()
+    for node in right:
+        row: set[int] = set()
+        while node in right and node not in settled:
+            if node in row:
+                return True
+            row.add(node)
+            node = right[node]
+        settled |= row
+    return False
+
+
+def _places(data: bytes, signature: bytes) -> Iterator[int]:
+    place = data.find(signature)
     while place >= 0:
         yield place
-        place = data.find(_HEAP, place + 1)
+        place = data.find(signature, place + 1)
 
 
 def _stuck(data: bytes, start: int) -> bool:

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter
+from pydantic import Field, TypeAdapter, model_validator
 
 from tmca.attributes import Attributes, Inside, NamedJson, attributes_of, read_json
 from tmca.data import checksum_of, content_digest, read_array
@@ -97,6 +97,12 @@ class _Plane(Attributes):
     response_sha256: str | None = None
     placement: Placement | None = None
 
+    @model_validator(mode="after")
+    def _whole_response(self) -> _Plane:
+        if (self.device.lut is None) != (self.response_sha256 is None):
+            raise ValueError("device.lut and response_sha256, or none of them")
+        return self
+
 
 class _Manifest(Attributes):
     """What is read of a manifest."""
@@ -138,7 +144,7 @@ def check_export(folder: str | Path) -> dict[str, Any]:
     manifest = read_manifest(folder)
     for plane in manifest["planes"]:
         checksums = {frame["file"]: frame["sha256"] for frame in plane["frames"]}
-        if "response_sha256" in plane:
+        if plane.get("response_sha256") is not None:
             checksums[plane["device"]["lut"]] = plane["response_sha256"]
         for name, content in checksums.items():
             file = Path(folder) / name
