@@ -60,7 +60,8 @@ def one_hot_slots(logits: Tensor, slope: float = 4.0) -> Tensor:
 
 def check_shares(where: str, values: Tensor, expected: str, remedy: str = "") -> None:
     """Raises SettingError unless all values are in [0, 1]."""
-    if not bool(torch.isfinite(values).all()) or values.min() < 0 or values.max() > 1 + 1e-6:
+    smallest, largest = torch.aminmax(values)  # NaN where any value is
+    if not 0 <= smallest <= largest <= 1 + 1e-6:
         raise SettingError(where, "values outside [0, 1]", expected, remedy)
 
 
@@ -138,7 +139,7 @@ class CodePlane(nn.Module):
     def _latent(self, values: Tensor, jitter: float, seed: int) -> Tensor:
         """Latent values that show these patterns."""
         independent = {"static": values[:1], "complementary": values[::2]}.get(self.family, values)
-        latent = independent.clone() if self.grey else (2 * independent - 1) * _MARGIN
+        latent = independent.clone() if self.grey else independent.mul(2 * _MARGIN).sub_(_MARGIN)
         if jitter and not self.grey:
             source = torch.Generator().manual_seed(seed)
             latent = latent * (1 - jitter * torch.rand(latent.shape, generator=source))
