@@ -13,6 +13,14 @@ def test_a_choice_is_one_of_those():
         check_choice("family", "closed", ["open", "random"])
 
 
+def test_the_middle_of_a_long_value_is_left_out():
+    assert str(SettingError("a", "b" * 250)) == f"a: found {'b' * 250}"
+    caught = SettingError("numbers", f"first{'0' * 10**6}last", "few", "shorten them")
+    assert str(caught).startswith("numbers: found first00")
+    assert str(caught).endswith("00last, expected few; shorten them")
+    assert len(str(caught)) < 320
+
+
 @pytest.mark.parametrize(
     ("value", "bounds"),
     [
