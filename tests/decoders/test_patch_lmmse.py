@@ -78,7 +78,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     decoder = patches(narrower(4, 12), stride=(3, 4), dtype=torch.float64)
     shared = decoder(y, taps, 0.02, uncertainty=True)
     monkeypatch.setattr(
-        "tmca.decoders.lmmse.equal_windows",
+        "tmca.operators.block_layout.equal_windows",
         lambda grid, code, places=None: [[p] for p in grid.positions],
     )
     alone = decoder(y, taps, 0.02, uncertainty=True)

@@ -11,18 +11,9 @@ from torch import Tensor
 
 from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Progress
-from tmca.decoders.lmmse import (
-    Blend,
-    Blended,
-    BlockLayout,
-    PatchDecoder,
-    Places,
-    blend_weights,
-    equal_windows,
-    evenly_chosen,
-    usual_stride,
-)
+from tmca.decoders.lmmse import Blend, Blended, PatchDecoder, blend_weights, blend_window
 from tmca.errors import check_range, check_shape
+from tmca.operators.block_layout import BlockLayout, Places, equal_windows, evenly_chosen, usual_stride
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
 from tmca.priors.expected import error_moments, refitted
@@ -158,7 +149,7 @@ class Frame:
 
     def _blend(self, snapshot: Tensor, priors: Priors, **more: bool) -> Blend:
         middle = self._solver(priors[self.tiling.tiles[len(self.tiling.tiles) // 2]])
-        return Blend(self.layout, self.layout.window(middle), snapshot, **more)
+        return Blend(self.layout, blend_window(self.layout, middle), snapshot, **more)
 
     def _solved(self, blend: Blend, priors: Priors, progress: Report) -> Iterator[tuple[Tile, Places, GaussianSolver]]:
         """Lay the blocks of tile after tile, each solved under its own prior."""

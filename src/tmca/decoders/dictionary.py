@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from tmca.decoders.decoder import Decoder, Progress
-from tmca.decoders.lmmse import Places, equal_windows
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.errors import SettingError, check_choice, check_range, check_shape
+from tmca.operators.block_layout import Places, equal_windows
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
 from tmca.operators.windows import RowBuffer

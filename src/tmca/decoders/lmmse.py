@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from hashlib import blake2b
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,25 +13,26 @@ import torch
 from torch import Tensor
 
 from tmca.data.atomic import check_target
-from tmca.decoders.bank import Bank
+from tmca.decoders.bank import MOST_BYTES, Bank
 from tmca.decoders.bank_file import bank_key, stored_bank, write_bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.fast_bank import smaller
-from tmca.errors import SettingError, check_range, check_shape
-from tmca.operators.blocks import BlockGrid, BlockModel
+from tmca.errors import SettingError, check_shape
+from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chosen, usual_stride
+from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import TapOperator, Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import GaussianSolver
-from tmca.priors.mixture import MixtureSolver
+from tmca.priors.gaussian import BlockPosterior, GaussianSolver
+from tmca.priors.mixture import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 
 MEMORY = 2**27
 """Bytes of the covariances of measurements with pixels that are held at once."""
 _NO_BANK = "leave the file out: every frame is then solved anew"
-Places = list[tuple[int, int]]
-"""(top, left) of blocks."""
 Solver = GaussianSolver | MixtureSolver
 """The posteriors of blocks under a prior, a camera and its noise."""
+Solved = tuple[list[Places], BlockPosterior | MixturePosterior]
+"""Groups of blocks, and what is known of each."""
 
 
 class Blended(NamedTuple):
@@ -90,19 +90,21 @@ class PatchEstimator:
         self.layout = BlockLayout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
         self.prior, self.noise = prior, noise
         self.bank: Bank | None = None
+        self.factors: Factors | None = None
 
     @cached_property
     def window(self) -> Tensor:
         """(L, h, w) weights of the places in a block."""
-        return self.layout.window(self.solver)
+        return blend_window(self.layout, self.solver)
 
     @torch.no_grad()
     def precompute(self, file: Path | None = None) -> PatchEstimator:
         """Compute what all snapshots have in common: the next ones take a tenth of the time, and are the same to
         rounding.
 
-        Nothing is done under a mixture, where gradients are asked for, or where blocks see too many different windows
-        of the code: those of tiles fit, those of large masks do not (``tmca.decoders.bank.MOST_BYTES``).
+        That is a bank, where blocks see few different windows of the code, as those of tiles; else the factors of all
+        blocks. Nothing is done under a mixture, where gradients are asked for, or where a large mask's factors take
+        more memory than ``tmca.decoders.bank.MOST_BYTES``.
 
         Args:
             file: that holds the bank: read where it is there, written where it is not.
@@ -113,6 +115,7 @@ class PatchEstimator:
         """
         if file is None:
             self.bank = self._computed_bank()
+            self.factors = self._computed_factors() if self.bank is None else None
         else:
             check_target(file, overwrite=True)
             self.bank = self._bank_in(file)
@@ -122,6 +125,12 @@ class PatchEstimator:
     def _prior_of_bank(self) -> GaussianPrior | None:
         """The prior, where a bank can hold what follows from it."""
         return self.prior if isinstance(self.prior, GaussianPrior) and not self.differentiable else None
+
+    def _computed_factors(self) -> Factors | None:
+        if self._prior_of_bank is None or not isinstance(self.solver, GaussianSolver):
+            return None
+        dark = self.layout.code.new_zeros(1, *self.taps.snapshot_shape)
+        return Factors.of(Blend(self.layout, self.window, dark, uncertainty=True), self.solver)
 
     def _computed_bank(self) -> Bank | None:
         layout, solver, prior = self.layout, self.solver, self._prior_of_bank
@@ -151,10 +160,19 @@ class PatchEstimator:
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         if self.bank is not None:
             return self._by_bank(self.bank, snapshot, uncertainty, progress)
+        if self.factors is not None:
+            return self._by_factors(self.factors, snapshot, uncertainty, progress)
         blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
         return blend.result()
+
+    @torch.no_grad()
+    def _by_factors(self, factors: Factors, snapshot: Tensor, uncertainty: bool, progress: Progress | None) -> Blended:
+        blend = Blend(self.layout, self.window, snapshot)
+        blend.lay_parts(factors.parts, progress=progress)
+        estimate = blend.result().estimate
+        return Blended(estimate, factors.deviation.expand_as(estimate).clone() if uncertainty else None)
 
     @staticmethod
     @torch.no_grad()
@@ -165,76 +183,19 @@ class PatchEstimator:
         return Blended(estimate, bank.deviation.expand_as(estimate).clone() if uncertainty else None)
 
 
-def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
-    """Rows and columns from block to block, see `PatchEstimator`."""
-    (_, rows, columns), (first, last) = model.block, model.valid
-    most = max(1, 2 * rows // 3), min(last - first, max(1, 2 * columns // 3))
-    down, across = (_dividing(step, _period(code.detach(), axis)) for axis, step in enumerate(most, start=1))
-    return down, across
+def blend_window(layout: BlockLayout, solver: Solver) -> Tensor:
+    """(L, h, w) weights of the places in a block."""
+    windows = layout.grid.code_windows(layout.code.detach(), evenly_chosen(layout.grid.positions))
+    return blend_weights(solver.typical_variance(windows)).unflatten(0, layout.grid.model.block)
 
 
-def _dividing(most: int, period: int | None) -> int:
-    """The largest step, from half of ``most`` to it, that divides a period or is a multiple of it."""
-    steps = range(-(-most // 2), most + 1)
-    return max((step for step in steps if period and 0 in (period % step, step % period)), default=most)
-
-
-def _period(code: Tensor, axis: int) -> int | None:
-    """Smallest step along an axis under which the code repeats itself at least twice."""
-    length = code.shape[axis]
-    for step in range(1, length // 2 + 1):
-        early, late = code.narrow(axis, 0, length - step), code.narrow(axis, step, length - step)
-        if torch.equal(early[:, :1], late[:, :1]) and torch.equal(early, late):
-            return step
-    return None
-
-
-@dataclass(frozen=True)
-class BlockLayout:
-    """Where blocks lie over the padded code (taps, H, W) of a camera."""
-
-    grid: BlockGrid
-    code: Tensor
-
-    @classmethod
-    def of(cls, model: BlockModel, taps: Taps, stride: tuple[int, int], differentiable: bool = False) -> BlockLayout:
-        check_range("stride", min(stride), 1)
-        stride = (min(stride[0], model.block[1]), stride[1])
-        grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), stride)
-        code = grid.pad_code(taps.code if differentiable else taps.code.detach())
-        return cls(grid, code)
-
-    @cached_property
-    def groups(self) -> list[Places]:
-        """Positions of blocks that see equal windows of the code."""
-        return equal_windows(self.grid, self.code)
-
-    def window(self, solver: Solver) -> Tensor:
-        """(L, h, w) weights of the places in a block."""
-        windows = self.grid.code_windows(self.code.detach(), evenly_chosen(self.grid.positions))
-        return blend_weights(solver.typical_variance(windows)).unflatten(0, self.grid.model.block)
-
-
-class Canvas:
-    """Sums of what blocks say about the padded frame, weighted by a window (L, h, w)."""
-
-    def __init__(self, grid: BlockGrid, batch: int, window: Tensor) -> None:
-        left, right, above, below = grid.padding
-        height, width = grid.frame
-        self.window, self.frame = window, (..., slice(above, above + height), slice(left, left + width))
-        self.weight = window.new_zeros(len(window), height + above + below, width + left + right)
-        self.total = self.weight.new_zeros(batch, *self.weight.shape)
-
-    def add(self, top: int, left: int, values: Tensor) -> None:
-        """Lay one block's values (B, L·h·w) with its corner at (top, left) of the padded frame."""
-        _, h, w = self.window.shape
-        area = (..., slice(top, top + h), slice(left, left + w))
-        self.total[area] += self.window * values.unflatten(-1, self.window.shape)
-        self.weight[area] += self.window
-
-    def mean(self) -> Tensor:
-        """(B, L, H, W) weighted mean on the frame."""
-        return self.total[self.frame] / self.weight[self.frame]
+def solved_parts(layout: BlockLayout, solver: Solver, groups: list[Places]) -> Iterator[Solved]:
+    """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows."""
+    model = layout.grid.model
+    batch = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
+    for start in range(0, len(groups), batch):
+        part = groups[start : start + batch]
+        yield part, solver.posterior(layout.grid.code_windows(layout.code, [places[0] for places in part]))
 
 
 class Blend:
@@ -253,18 +214,22 @@ class Blend:
         self, solver: Solver, groups: list[Places] | None = None, progress: Callable[[float], None] | None = None
     ) -> None:
         """Solve the blocks of some groups, all of them by default, and lay them on the canvases."""
-        grid, model = self.layout.grid, self.layout.grid.model
         groups = self.layout.groups if groups is None else groups
-        batch = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
-        for start in range(0, len(groups), batch):
-            part = groups[start : start + batch]
-            posterior = solver.posterior(grid.code_windows(self.layout.code, [places[0] for places in part]))
+        self.lay_parts(solved_parts(self.layout, solver, groups), len(groups), progress)
+
+    def lay_parts(
+        self, parts: Iterable[Solved], count: int | None = None, progress: Callable[[float], None] | None = None
+    ) -> None:
+        """Lay groups whose blocks are solved, ``count`` in all, on the canvases."""
+        grid, done = self.layout.grid, 0
+        for part, posterior in parts:
             for block, places in enumerate(part):
                 measured = grid.snapshot_windows(self.snapshot, places)
                 moments = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
                 self._add(places, *(one if one is None else one.unflatten(0, measured.shape[:2]) for one in moments))
+            done += len(part)
             if progress:
-                progress((start + len(part)) / len(groups))
+                progress(done / (count or len(self.layout.groups)))
 
     def _add(self, places: Places, estimate: Tensor | None, variance: Tensor | None) -> None:
         """What is known of equal blocks at some places, (P, B, L·h·w), and of their valid columns."""
@@ -289,18 +254,27 @@ def blend_weights(variance: Tensor) -> Tensor:
     return weights / weights.mean()
 
 
-def equal_windows(grid: BlockGrid, code: Tensor, places: Places | None = None) -> list[Places]:
-    """The grid's positions, or some of them, grouped by equal windows of the padded code."""
-    groups: dict[bytes, Places] = {}
-    for place in grid.positions if places is None else places:
-        window = grid.code_windows(code.detach(), [place]).contiguous().cpu().numpy()
-        groups.setdefault(blake2b(window.data, digest_size=16).digest(), []).append(place)
-    return list(groups.values())
+@dataclass(frozen=True)
+class Factors:
+    """The posteriors of all blocks of a frame, and (1, L, H, W) the deviation of their blend."""
 
+    parts: list[Solved]
+    deviation: Tensor
 
-def evenly_chosen(places: Places, count: int = 8) -> Places:
-    """A few of the positions, evenly through the list."""
-    return [places[i] for i in torch.linspace(0, len(places) - 1, min(count, len(places))).long().tolist()]
+    @classmethod
+    def of(cls, dark: Blend, solver: GaussianSolver) -> Factors | None:
+        """Those of a frame without light, blended with its deviation; None where they take more than ``MOST_BYTES``."""
+        groups, measurements = dark.layout.groups, dark.layout.grid.model.measurements
+        if len(groups) * measurements**2 * torch.float64.itemsize > MOST_BYTES:
+            return None
+        parts: list[Solved] = []
+        for part, posterior in solved_parts(dark.layout, solver, groups):
+            dark.lay_parts([(part, posterior)])
+            assert isinstance(posterior, BlockPosterior)
+            parts.append((part, posterior.forgetting()))
+        deviation = dark.result().deviation
+        assert deviation is not None
+        return cls(parts, deviation)
 
 
 @dataclass

@@ -110,6 +110,15 @@ class BlockModel:
             total = torch.addcmul(total, light, weights[:, t])
         return total.flatten(-3)
 
+    def spread(self, weights: Tensor, measured: Tensor) -> Tensor:
+        """(N, n) Aᵀ of measurements (N, m) of one block, with weights (T, R·h, columns)."""
+        sides = (self.buckets, self.block[1], self.columns)
+        light = (weights.unflatten(1, sides[:2]) * measured.unflatten(-1, sides)[:, None]).sum(2)
+        blocks = measured.new_zeros(len(measured), *self.block)
+        for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
+            blocks[:, channel, :, self.span - o : self.span - o + self.columns] += light[:, t]
+        return blocks.flatten(1)
+
     def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
         """(measurements, P, n) covariance A S of measurements with pixels; ``rows`` is ``covariance[pixels()]``."""
         return torch.bmm(weights.permute(2, 3, 0, 1).flatten(0, 1), rows)

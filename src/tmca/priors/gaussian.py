@@ -12,6 +12,7 @@ from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockModel
+from tmca.operators.displacement import MeasurementCovariance, Smoothing
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, lower_factor, stationary_moments
 from tmca.sensor import Noise
@@ -181,50 +182,73 @@ class BlockPosterior:
 
     Args:
         solver: the prior in the precision of the heavy products.
-        cross: (m, P, n) covariance A S of measurements with pixels.
+        weights: (P, T, R·h, columns) of the T taps of a bucket.
         factor: (P, m, m) lower Cholesky factor of G = A S Aᵀ + noise, float64.
         expected: (P, m) expected measurements A μ.
+        known: `cross`, where it is there already.
     """
 
     solver: GaussianSolver
-    cross: Tensor
+    weights: Tensor
     factor: Tensor
     expected: Tensor
+    known: Tensor | None = None
+
+    @cached_property
+    def cross(self) -> Tensor:
+        """(m, P, n) covariance A S of measurements with pixels."""
+        return self.solver.cross(self.weights) if self.known is None else self.known
+
+    @cached_property
+    def cross_valid(self) -> Tensor:
+        """(m, P, valid) the same of the valid columns."""
+        if self.known is None:
+            return self.solver.model.cross_covariance(self.weights, self.solver.valid_rows)
+        return self.solver.model.in_valid(self.known)
+
+    def forgetting(self) -> BlockPosterior:
+        """The same without covariances that were computed for the variance."""
+        return replace(self)
 
     def estimate(self, block: int, measured: Tensor) -> Tensor:
         """(N, n) linear minimum-mean-square-error estimate of one block from measurements (N, m)."""
-        cross, factor, expected = self._blocks[block]
-        solved = torch.cholesky_solve((measured - expected).double().mT, factor).to(cross.dtype)
-        return self.solver.mean + solved.mT @ cross
+        solver, (cross, factor, expected) = self.solver, self._blocks[block]
+        solved = torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(solver.dtype)
+        if cross is not None:
+            return solver.mean + solved @ cross
+        return solver.mean + solver.smoothing(solver.model.spread(self.weights[block], solved))
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
         """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
         and the variance (n,) of its error."""
-        cross, factor, expected = self._blocks[block]
+        cross, factor, expected = self.cross[:, block], self.factor[block], self.expected[block]
         exact = torch.cholesky_inverse(factor) @ cross.double()
         dark = self.solver.mean - (expected.double() @ exact).to(cross.dtype)
         gain = exact.to(cross.dtype)
         return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
-    def _blocks(self) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """Cross covariance, factor and expected measurements of every block; unbound at once, as the derivative of an
-        index would fill a tensor of all blocks for each of them."""
-        return list(zip(self.cross.unbind(1), self.factor.unbind(0), self.expected.unbind(0), strict=True))
+    def _blocks(self) -> list[tuple[Tensor | None, Tensor, Tensor]]:
+        """Cross covariance, if it is there, factor and expected measurements of every block; unbound at once, as the
+        derivative of an index would fill a tensor of all blocks for each of them."""
+        cross = [None] * len(self.factor) if self.known is None else self.known.unbind(1)
+        return list(zip(cross, self.factor.unbind(0), self.expected.unbind(0), strict=True))
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""
-        explained = [explained_variance(factor, cross) for cross, factor, _ in self._blocks]
+        pairs = zip(self.factor.unbind(0), self.cross.unbind(1), strict=True)
+        explained = [explained_variance(factor, cross) for factor, cross in pairs]
         return (self.solver.variance - torch.stack(explained)).clamp(min=0)
+
+    def valid_variance(self, block: int) -> Tensor:
+        """(valid,) the same of one block's valid columns."""
+        before = self.solver.model.in_valid(self.solver.variance)
+        return (before - explained_variance(self.factor[block], self.cross_valid[:, block])).clamp(min=0)
 
     def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
         """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""
         estimate = self.estimate(block, measured)
-        if not with_variance:
-            return estimate, None
-        valid = self.solver.model.in_valid
-        left = valid(self.solver.variance) - explained_variance(self.factor[block], valid(self.cross[:, block]))
-        return estimate, left.clamp(min=0).expand(len(estimate), -1)
+        return estimate, self.valid_variance(block).expand(len(estimate), -1) if with_variance else None
 
 
 def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
@@ -244,20 +268,45 @@ class GaussianSolver:
     """
 
     def __init__(self, prior: GaussianPrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None) -> None:
-        self.model, self.noise = model, noise
+        self.prior, self.model, self.noise = prior, model, noise
         self.dtype = dtype or sufficient_precision(prior, model, noise)
         self.mean = prior.mean.reshape(-1).to(self.dtype)
         self.variance = prior.variance.to(self.dtype)
-        self.rows = prior.rows(model.pixels(), self.dtype)
+
+    @cached_property
+    def covariance(self) -> MeasurementCovariance | None:
+        """Of measurements, under a stationary prior."""
+        return MeasurementCovariance(self.prior.displaced.to(self.dtype), self.model) if self.prior.stationary else None
+
+    @cached_property
+    def smoothing(self) -> Smoothing:
+        """Products with the covariance of a stationary prior."""
+        return Smoothing(self.prior.displaced.to(self.dtype))
+
+    @cached_property
+    def rows(self) -> Tensor:
+        """(m, T, n) covariance of the pixels that taps bring to measurements with all pixels."""
+        return self.prior.rows(self.model.pixels(), self.dtype)
+
+    @cached_property
+    def valid_rows(self) -> Tensor:
+        """(m, T, valid) the same with those of the valid columns."""
+        return self.model.in_valid(self.rows)
+
+    def cross(self, weights: Tensor) -> Tensor:
+        """(m, P, n) covariance A S of measurements with pixels, whose taps have weights (P, T, R·h, columns)."""
+        return self.model.cross_covariance(weights, self.rows)
 
     def posterior(self, windows: Tensor) -> BlockPosterior:
         """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows."""
         weights = self.model.complete(windows.to(self.dtype))
-        cross = self.model.cross_covariance(weights, self.rows)
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
-        signal = self.model.measure(weights, cross).transpose(0, 1).double()
-        factor = lower_factor(signal + torch.diag_embed(noise_variance(expected, self.noise)))
-        return BlockPosterior(self, cross, factor, expected)
+        noise = torch.diag_embed(noise_variance(expected, self.noise))
+        if self.covariance is not None and weights.device.type == "cpu" and not weights.requires_grad:
+            return BlockPosterior(self, weights, lower_factor(self.covariance(weights).double() + noise), expected)
+        cross = self.cross(weights)
+        signal = self.model.measure(weights, cross).transpose(0, 1)
+        return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
 
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel, averaged over code windows."""
