@@ -253,8 +253,13 @@ class BlockPosterior:
 
 def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
     """(n,) variance that measurements remove: their covariance has the factor (m, m), that with pixels is (m, n)."""
-    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor)).to(factor), upper=False)
-    return (inverse.to(cross.dtype) @ cross).square_().sum(0)
+    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor)).to(factor), upper=False).to(cross.dtype)
+    explained, start = cross.new_zeros(cross.shape[1:]), 0
+    for rows in inverse.chunk(4):  # zero above the diagonal
+        end = start + len(rows)
+        explained = explained + (rows[:, :end] @ cross[:end]).square_().sum(0)
+        start = end
+    return explained
 
 
 class GaussianSolver:
