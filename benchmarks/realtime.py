@@ -1,7 +1,7 @@
 """A next frame of one camera, solved anew, by a prepared decoder and by a fast one: ``python benchmarks/realtime.py``.
 
-256×256×12, K = 8, random codes, in tiles of 32 and such that do not repeat, σ = 0.01, the rendered scenes' prior, coffee; LMMSE with its standard
-deviation. One thread, CPU time, medians.
+256×256×12, K = 8, random codes, in tiles of 32 and such that do not repeat, σ = 0.01, the rendered scenes' prior,
+coffee; LMMSE with its standard deviation. One thread, CPU time, medians.
 """
 
 from __future__ import annotations

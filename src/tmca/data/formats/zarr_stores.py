@@ -18,7 +18,9 @@ def open_zarr(path: Path) -> Iterator[Contents]:
     """A Zarr store: xarray's (named axes) or a plain array or group; only codecs that run no code."""
     import zarr
 
-    with whole_file(path, LABELLED):
+    from tmca.data.formats.zarr_codecs import checked_codecs
+
+    with whole_file(path, LABELLED), checked_codecs():
         node: Any = zarr.open(path, mode="r")
         group = isinstance(node, zarr.Group)
         members = dict(node.arrays()) if group else {path.stem: node}
