@@ -1,5 +1,7 @@
 """Blocks that all see other parts of a code are solved once; frames after that are what solving them anew gives."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -9,7 +11,7 @@ from tmca.decoders import decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian import GaussianSolver, explained_variance
 from tmca.sensor import Noise, Sensor
 
 PRIOR = GaussianPrior.learn([smooth_scene(60, 80, seed=1)], (4, 14))
@@ -63,6 +65,8 @@ def test_factors_are_left_out_where_memory_mixture_or_gradients_do_not_allow_the
     assert PatchEstimator(PRIOR, taps, NOISE, differentiable=True).precompute().factors is None
     mixture = GaussianMixturePrior.learn([smooth_scene(60, 80, seed=1)], (4, 14), kinds=2, rank=4, samples=200)
     assert PatchEstimator(mixture, taps, NOISE).precompute().factors is None
+    dense = replace(PRIOR, moments=PRIOR.covariance)
+    assert PatchEstimator(dense, taps, NOISE).precompute().factors is None
     monkeypatch.setattr(lmmse, "MOST_BYTES", 1000)
     assert PatchEstimator(PRIOR, taps, NOISE).precompute().factors is None
 
@@ -73,11 +77,33 @@ def test_posteriors_with_gradients_are_the_same(name):
     estimator = PatchEstimator(PRIOR, taps, NOISE, dtype=torch.float64)
     layout, solver = estimator.layout, GaussianSolver(PRIOR, estimator.layout.grid.model, NOISE, torch.float64)
     windows = layout.grid.code_windows(layout.code, layout.grid.positions[:3])
-    plain, tracked = solver.posterior(windows), solver.posterior(windows.clone().requires_grad_())
+    plain, tracked = (solver.posterior(part, estimates=1) for part in (windows, windows.clone().requires_grad_()))
+    assert plain.known is None
+    assert tracked.known is not None
     torch.testing.assert_close(tracked.factor.detach(), plain.factor, rtol=1e-9, atol=1e-12)
     measured = torch.rand(2, layout.grid.model.measurements, dtype=torch.float64)
-    for block in range(3):
-        for one, other in zip(
-            tracked.moments(block, measured, True), plain.moments(block, measured, True), strict=True
-        ):
-            torch.testing.assert_close(one.detach(), other, rtol=1e-8, atol=1e-10)
+    both = (posterior.moments(range(3), [measured] * 3, True) for posterior in (tracked, plain))
+    for one, other in zip(*both, strict=True):
+        for value, expected in zip(one, other, strict=True):
+            torch.testing.assert_close(value.detach(), expected, rtol=1e-8, atol=1e-10)
+
+
+def test_what_is_stored_are_the_factors():
+    taps = camera("single disperser", 7, 23)
+    factors = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors
+    for part, posterior in factors.parts:
+        assert posterior.factor.shape == (len(part), posterior.expected.shape[1], posterior.expected.shape[1])
+        assert posterior.known is None
+        assert not {"cross", "cross_valid"} & set(vars(posterior))
+    assert factors.deviation.shape == (1, 3, 7, 23)
+    assert not any({"cross", "cross_valid"} & set(vars(posterior)) for _, posterior in factors.parts)
+
+
+@pytest.mark.parametrize("measurements", [1, 2, 3, 4, 5, 9])
+def test_few_measurements_remove_the_variance_that_the_formula_says(measurements):
+    generator = torch.Generator().manual_seed(measurements)
+    root = torch.rand(measurements, measurements, generator=generator, dtype=torch.float64)
+    covariance = root @ root.T + torch.eye(measurements)
+    cross = torch.rand(measurements, 6, generator=generator, dtype=torch.float64)
+    expected = (cross * torch.linalg.solve(covariance, cross)).sum(0)
+    torch.testing.assert_close(explained_variance(torch.linalg.cholesky(covariance), cross), expected)

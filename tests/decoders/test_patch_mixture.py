@@ -40,7 +40,7 @@ def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
     scene = prior.sample(6, seed=4)
     y = noisy(snapshot(taps, scene), read, shot)[:, 0, :, 2:12].flatten(1)
     posterior = MixtureSolver(prior, model, Noise(read, shot), torch.float64).posterior(taps.code[None])
-    estimate, variance = posterior.moments(0, y, True)
+    ((estimate, variance),) = posterior.moments([0], [y], True)
     basis = torch.eye(144, dtype=torch.float64).reshape(-1, *BLOCK)
     A = snapshot(taps, basis)[:, 0, :, 2:12].flatten(1).mT.numpy()
     for i in range(6):

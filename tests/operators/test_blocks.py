@@ -66,13 +66,13 @@ def test_columns_left_out_do_see_light_from_outside(name):
 
 @pytest.mark.parametrize("name", CAMERAS)
 @pytest.mark.parametrize(("read_noise", "shot"), [(0.0, 0.0), (0.05, 0.0), (0.01, 0.02)])
-def test_block_estimate_is_the_textbook_formula_with_borders_and_shot_noise(prior, name, read_noise, shot):
+@pytest.mark.parametrize("estimates", [None, 1])
+def test_block_estimate_is_the_textbook_formula_with_borders_and_shot_noise(prior, name, read_noise, shot, estimates):
     taps = camera(name, 5, 17)
     grid = BlockGrid.cover(BlockModel.of(taps, BLOCK), (5, 17), (2, 3))
     y = noisy(snapshot(taps, smooth_scene(5, 17, seed=4)[None]), read_noise, shot)[:, 0]
-    posterior = GaussianSolver(prior, grid.model, Noise(read_noise, shot), torch.float64).posterior(
-        grid.code_windows(grid.pad_code(taps.code), grid.positions)
-    )
+    solver = GaussianSolver(prior, grid.model, Noise(read_noise, shot), torch.float64)
+    posterior = solver.posterior(grid.code_windows(grid.pad_code(taps.code), grid.positions), estimates)
     measured, variance = grid.snapshot_windows(grid.pad_snapshot(y), grid.positions), posterior.error_variance()
     S, mu = prior.covariance.numpy(), prior.mean.flatten().numpy()
     for i, place in enumerate(grid.positions):

@@ -64,7 +64,7 @@ def test_measurements_are_spread_by_the_transpose(name, buckets):
     weights = torch.rand(1, len(model.offsets), buckets * 3, model.columns, generator=generator, dtype=torch.float64)
     measured = torch.rand(4, model.measurements, generator=generator, dtype=torch.float64)
     expected = measured @ dense(model, weights, 0)
-    torch.testing.assert_close(model.spread(weights[0], measured), expected)
+    torch.testing.assert_close(model.spread(weights.expand(4, -1, -1, -1), measured), expected)
 
 
 @pytest.mark.parametrize("sides", SIDES)

@@ -15,11 +15,12 @@ from operator import attrgetter
 import torch
 from torch import Tensor
 
+from tmca.operators.block_layout import Places
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.gaussian import GaussianSolver
 
 MOST_BYTES = 2**31
-"""Of the matrices of blocks and cells, which are there at once; what needs more is solved anew for every frame."""
+"""Of the matrices of blocks and cells, which are there at once, or of the factors of all blocks."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +74,6 @@ class SolvedCells:
     deviation: Tensor
 
 
-Places = Sequence[tuple[int, int]]
-"""(top, left) of blocks or cells."""
 Covering = tuple[tuple[int, int, int], ...]
 """The blocks over a cell: (top, left) from its corner, and the group that they belong to."""
 Classes = dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]]
@@ -105,7 +104,7 @@ class Bank:
         ``MOST_BYTES``.
 
         Args:
-            grid, code, groups: see `tmca.decoders.lmmse.BlockLayout`.
+            grid, code, groups: see `tmca.operators.block_layout.BlockLayout`.
             window: (L, h, w) weights of the places in a block.
         """
         classes = _classes(grid, groups)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 from pathlib import Path
@@ -28,7 +28,8 @@ from tmca.sensor import Noise
 
 MEMORY = 2**27
 """Bytes of the covariances of measurements with pixels that are held at once."""
-_NO_BANK = "leave the file out: every frame is then solved anew"
+_AT_ONCE = 32
+_NO_BANK = "leave the file out: what can be computed once is then stored in memory"
 Solver = GaussianSolver | MixtureSolver
 """The posteriors of blocks under a prior, a camera and its noise."""
 Solved = tuple[list[Places], BlockPosterior | MixturePosterior]
@@ -98,16 +99,17 @@ class PatchEstimator:
         return blend_window(self.layout, self.solver)
 
     @torch.no_grad()
-    def precompute(self, file: Path | None = None) -> PatchEstimator:
+    def precompute(self, file: Path | None = None, *, deviation: bool = True) -> PatchEstimator:
         """Compute what all snapshots have in common: the next ones take a tenth of the time, and are the same to
         rounding.
 
         That is a bank, where blocks see few different windows of the code, as those of tiles; else the factors of all
-        blocks. Nothing is done under a mixture, where gradients are asked for, or where a large mask's factors take
-        more memory than ``tmca.decoders.bank.MOST_BYTES``.
+        blocks. Nothing is done under a mixture, where gradients are asked for, where a large mask's factors take more
+        memory than ``tmca.decoders.bank.MOST_BYTES``, and without a bank on other devices than the processor.
 
         Args:
             file: that holds the bank: read where it is there, written where it is not.
+            deviation: compute that of factors now, not with the first frame that wants it.
 
         Raises:
             SettingError: a file, but nothing that could be in it.
@@ -116,6 +118,8 @@ class PatchEstimator:
         if file is None:
             self.bank = self._computed_bank()
             self.factors = self._computed_factors() if self.bank is None else None
+            if self.factors and deviation:
+                _ = self.factors.deviation
         else:
             check_target(file, overwrite=True)
             self.bank = self._bank_in(file)
@@ -189,13 +193,30 @@ def blend_window(layout: BlockLayout, solver: Solver) -> Tensor:
     return blend_weights(solver.typical_variance(windows)).unflatten(0, layout.grid.model.block)
 
 
-def solved_parts(layout: BlockLayout, solver: Solver, groups: list[Places]) -> Iterator[Solved]:
-    """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows."""
+def solved_parts(
+    layout: BlockLayout, solver: Solver, groups: list[Places], batch: int, variance: bool
+) -> Iterator[Solved]:
+    """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows, for so many snapshots."""
     model = layout.grid.model
-    batch = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
-    for start in range(0, len(groups), batch):
-        part = groups[start : start + batch]
-        yield part, solver.posterior(layout.grid.code_windows(layout.code, [places[0] for places in part]))
+    most = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
+    for start in range(0, len(groups), most):
+        part = groups[start : start + most]
+        windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
+        if isinstance(solver, MixtureSolver):
+            yield part, solver.posterior(windows)
+        else:
+            yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
+
+
+def _few(groups: list[Places]) -> Iterator[list[int]]:
+    """Indices of groups, as many at once as have ``_AT_ONCE`` blocks or are one."""
+    some: list[int] = []
+    for index, places in enumerate(groups):
+        if some and sum(len(groups[i]) for i in some) + len(places) > _AT_ONCE:
+            yield some
+            some = []
+        some.append(index)
+    yield some
 
 
 class Blend:
@@ -215,7 +236,8 @@ class Blend:
     ) -> None:
         """Solve the blocks of some groups, all of them by default, and lay them on the canvases."""
         groups = self.layout.groups if groups is None else groups
-        self.lay_parts(solved_parts(self.layout, solver, groups), len(groups), progress)
+        parts = solved_parts(self.layout, solver, groups, len(self.snapshot), self.canvases[1] is not None)
+        self.lay_parts(parts, len(groups), progress)
 
     def lay_parts(
         self, parts: Iterable[Solved], count: int | None = None, progress: Callable[[float], None] | None = None
@@ -223,10 +245,12 @@ class Blend:
         """Lay groups whose blocks are solved, ``count`` in all, on the canvases."""
         grid, done = self.layout.grid, 0
         for part, posterior in parts:
-            for block, places in enumerate(part):
-                measured = grid.snapshot_windows(self.snapshot, places)
-                moments = posterior.moments(block, measured.flatten(0, 1), self.canvases[1] is not None)
-                self._add(places, *(one if one is None else one.unflatten(0, measured.shape[:2]) for one in moments))
+            for blocks in _few(part):
+                measured = [grid.snapshot_windows(self.snapshot, part[block]) for block in blocks]
+                flat = [one.flatten(0, 1) for one in measured]
+                every = posterior.moments(blocks, flat, self.canvases[1] is not None)
+                for block, moments, seen in zip(blocks, every, measured, strict=True):
+                    self._add(part[block], *(m if m is None else m.unflatten(0, seen.shape[:2]) for m in moments))
             done += len(part)
             if progress:
                 progress(done / (count or len(self.layout.groups)))
@@ -256,25 +280,38 @@ def blend_weights(variance: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class Factors:
-    """The posteriors of all blocks of a frame, and (1, L, H, W) the deviation of their blend."""
+    """What is known of all blocks of a frame, without covariances with pixels.
 
+    Args:
+        dark: no light, and how it is blended.
+        parts: the groups of blocks, solved.
+    """
+
+    dark: Blend
     parts: list[Solved]
-    deviation: Tensor
 
     @classmethod
     def of(cls, dark: Blend, solver: GaussianSolver) -> Factors | None:
-        """Those of a frame without light, blended with its deviation; None where they take more than ``MOST_BYTES``."""
+        """None where they take more than ``MOST_BYTES``, or covariances with pixels would have to be stored too."""
         groups, measurements = dark.layout.groups, dark.layout.grid.model.measurements
         if len(groups) * measurements**2 * torch.float64.itemsize > MOST_BYTES:
             return None
+        room = dark.layout.code.new_empty(len(groups), measurements, measurements, dtype=torch.float64)
         parts: list[Solved] = []
-        for part, posterior in solved_parts(dark.layout, solver, groups):
-            dark.lay_parts([(part, posterior)])
-            assert isinstance(posterior, BlockPosterior)
-            parts.append((part, posterior.forgetting()))
-        deviation = dark.result().deviation
+        for part, posterior in solved_parts(dark.layout, solver, groups, 1, False):
+            if not isinstance(posterior, BlockPosterior) or posterior.known is not None:
+                return None
+            place, room = room[: len(part)], room[len(part) :]
+            parts.append((part, replace(posterior, factor=place.copy_(posterior.factor.mT).mT)))
+        return cls(dark, parts)
+
+    @cached_property
+    def deviation(self) -> Tensor:
+        """(1, L, H, W) of the blend, the same for all frames."""
+        self.dark.lay_parts((part, replace(posterior)) for part, posterior in self.parts)  # a copy, which is dropped
+        deviation = self.dark.result().deviation
         assert deviation is not None
-        return cls(parts, deviation)
+        return deviation
 
 
 @dataclass
@@ -289,7 +326,7 @@ class PatchDecoder(Decoder):
 
     def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
         if isinstance(prepared, PatchEstimator):
-            return prepared.precompute(bank)
+            return prepared.precompute(bank, deviation=self.uncertainty)
         return super().precompute(prepared, bank)
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:

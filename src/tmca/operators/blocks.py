@@ -111,9 +111,9 @@ class BlockModel:
         return total.flatten(-3)
 
     def spread(self, weights: Tensor, measured: Tensor) -> Tensor:
-        """(N, n) Aᵀ of measurements (N, m) of one block, with weights (T, R·h, columns)."""
+        """(N, n) Aᵀ of measurements (N, m) of blocks whose taps have weights (N, T, R·h, columns)."""
         sides = (self.buckets, self.block[1], self.columns)
-        light = (weights.unflatten(1, sides[:2]) * measured.unflatten(-1, sides)[:, None]).sum(2)
+        light = (weights.unflatten(2, sides[:2]) * measured.unflatten(-1, sides)[:, None]).sum(2)
         blocks = measured.new_zeros(len(measured), *self.block)
         for t, (channel, o) in enumerate(zip(self.channels, self.offsets, strict=True)):
             blocks[:, channel, :, self.span - o : self.span - o + self.columns] += light[:, t]

@@ -69,3 +69,19 @@ class Smoothing:
         smooth = waves.flatten(2).permute(2, 0, 1) @ self.spectrum
         values = torch.fft.irfft2(smooth.permute(1, 2, 0).unflatten(-1, shape), self.sides)
         return values[..., : self.block[1], : self.block[2]].flatten(1)
+
+
+def displacement_pays(model: BlockModel, estimates: float, variance: bool) -> bool:
+    """Whether blocks are solved faster so than by rows of the covariance, where each is to be estimated so often.
+
+    Operations are weighted by the time that they take on a processor.
+
+    Args:
+        variance: of valid columns is asked for too.
+    """
+    (channels, h, w), m, taps = model.block, model.measurements, len(model.offsets)
+    first, last = model.valid
+    row = 2 * m * taps * channels * h
+    by_rows = row * w + 20 * taps * m**2 + estimates * m * channels * h * w / 4
+    waves = estimates * 16 * 2 * h * (w + 1) * channels**2
+    return (taps * m) ** 2 + waves + variance * row * (last - first) < by_rows

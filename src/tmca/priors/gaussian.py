@@ -12,7 +12,7 @@ from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockModel
-from tmca.operators.displacement import MeasurementCovariance, Smoothing
+from tmca.operators.displacement import MeasurementCovariance, Smoothing, displacement_pays
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, lower_factor, stationary_moments
 from tmca.sensor import Noise
@@ -197,26 +197,34 @@ class BlockPosterior:
     @cached_property
     def cross(self) -> Tensor:
         """(m, P, n) covariance A S of measurements with pixels."""
-        return self.solver.cross(self.weights) if self.known is None else self.known
+        return self._with(self.solver.rows) if self.known is None else self.known
 
     @cached_property
     def cross_valid(self) -> Tensor:
         """(m, P, valid) the same of the valid columns."""
-        if self.known is None:
-            return self.solver.model.cross_covariance(self.weights, self.solver.valid_rows)
-        return self.solver.model.in_valid(self.known)
+        return self._with(self.solver.valid_rows) if self.known is None else self.solver.model.in_valid(self.known)
 
-    def forgetting(self) -> BlockPosterior:
-        """The same without covariances that were computed for the variance."""
-        return replace(self)
+    def _with(self, rows: Tensor) -> Tensor:
+        return self.solver.model.cross_covariance(self.weights, rows)
 
     def estimate(self, block: int, measured: Tensor) -> Tensor:
         """(N, n) linear minimum-mean-square-error estimate of one block from measurements (N, m)."""
-        solver, (cross, factor, expected) = self.solver, self._blocks[block]
-        solved = torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(solver.dtype)
-        if cross is not None:
-            return solver.mean + solved @ cross
-        return solver.mean + solver.smoothing(solver.model.spread(self.weights[block], solved))
+        return self._estimates([block], [measured])[0]
+
+    def _estimates(self, blocks: Sequence[int], measured: Sequence[Tensor]) -> list[Tensor]:
+        solver = self.solver
+        solved = [self._solved(block, values) for block, values in zip(blocks, measured, strict=True)]
+        if self.known is not None:
+            return [solver.mean + part @ self._cross[block] for block, part in zip(blocks, solved, strict=True)]
+        counts = [len(part) for part in solved]
+        seen = torch.tensor(blocks).repeat_interleave(torch.tensor(counts))
+        away = solver.smoothing(solver.model.spread(self.weights[seen], torch.cat(solved)))
+        return [solver.mean + part for part in away.split(counts)]
+
+    def _solved(self, block: int, measured: Tensor) -> Tensor:
+        """(N, m) G⁻¹ (y - A μ) of one block."""
+        away = (measured - self._expected[block]).double().mT
+        return torch.cholesky_solve(away, self._factors[block]).mT.to(self.solver.dtype)
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
         """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
@@ -228,15 +236,21 @@ class BlockPosterior:
         return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
-    def _blocks(self) -> list[tuple[Tensor | None, Tensor, Tensor]]:
-        """Cross covariance, if it is there, factor and expected measurements of every block; unbound at once, as the
-        derivative of an index would fill a tensor of all blocks for each of them."""
-        cross = [None] * len(self.factor) if self.known is None else self.known.unbind(1)
-        return list(zip(cross, self.factor.unbind(0), self.expected.unbind(0), strict=True))
+    def _cross(self) -> Sequence[Tensor]:
+        """Of every block, unbound at once: the derivative of an index would fill a tensor of all blocks for each."""
+        return self.cross.unbind(1)
+
+    @cached_property
+    def _factors(self) -> Sequence[Tensor]:
+        return self.factor.unbind(0)
+
+    @cached_property
+    def _expected(self) -> Sequence[Tensor]:
+        return self.expected.unbind(0)
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""
-        pairs = zip(self.factor.unbind(0), self.cross.unbind(1), strict=True)
+        pairs = zip(self._factors, self._cross, strict=True)
         explained = [explained_variance(factor, cross) for factor, cross in pairs]
         return (self.solver.variance - torch.stack(explained)).clamp(min=0)
 
@@ -245,10 +259,15 @@ class BlockPosterior:
         before = self.solver.model.in_valid(self.solver.variance)
         return (before - explained_variance(self.factor[block], self.cross_valid[:, block])).clamp(min=0)
 
-    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""
-        estimate = self.estimate(block, measured)
-        return estimate, self.valid_variance(block).expand(len(estimate), -1) if with_variance else None
+    def moments(
+        self, blocks: Sequence[int], measured: Sequence[Tensor], with_variance: bool
+    ) -> list[tuple[Tensor, Tensor | None]]:
+        """Estimates (N, n) of some blocks from measurements (N, m) of each and, if asked for, variances (N, valid) of
+        their valid columns."""
+        pairs = zip(blocks, self._estimates(blocks, measured), strict=True)
+        return [
+            (one, self.valid_variance(block).expand(len(one), -1) if with_variance else None) for block, one in pairs
+        ]
 
 
 def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
@@ -279,9 +298,9 @@ class GaussianSolver:
         self.variance = prior.variance.to(self.dtype)
 
     @cached_property
-    def covariance(self) -> MeasurementCovariance | None:
+    def covariance(self) -> MeasurementCovariance:
         """Of measurements, under a stationary prior."""
-        return MeasurementCovariance(self.prior.displaced.to(self.dtype), self.model) if self.prior.stationary else None
+        return MeasurementCovariance(self.prior.displaced.to(self.dtype), self.model)
 
     @cached_property
     def smoothing(self) -> Smoothing:
@@ -298,20 +317,27 @@ class GaussianSolver:
         """(m, T, valid) the same with those of the valid columns."""
         return self.model.in_valid(self.rows)
 
-    def cross(self, weights: Tensor) -> Tensor:
-        """(m, P, n) covariance A S of measurements with pixels, whose taps have weights (P, T, R·h, columns)."""
-        return self.model.cross_covariance(weights, self.rows)
+    def posterior(self, windows: Tensor, estimates: float | None = None, variance: bool = False) -> BlockPosterior:
+        """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows.
 
-    def posterior(self, windows: Tensor) -> BlockPosterior:
-        """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows."""
+        Args:
+            estimates: of each block that will be asked for, which decides how they are computed; None where
+                covariances with pixels are asked for.
+            variance: of valid columns will be asked for.
+        """
         weights = self.model.complete(windows.to(self.dtype))
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
+        if estimates is not None and self._by_displacement(weights, estimates, variance):
+            cross, signal = None, self.covariance(weights)
+        else:
+            cross = self.model.cross_covariance(weights, self.rows)
+            signal = self.model.measure(weights, cross).transpose(0, 1)
         noise = torch.diag_embed(noise_variance(expected, self.noise))
-        if self.covariance is not None and weights.device.type == "cpu" and not weights.requires_grad:
-            return BlockPosterior(self, weights, lower_factor(self.covariance(weights).double() + noise), expected)
-        cross = self.cross(weights)
-        signal = self.model.measure(weights, cross).transpose(0, 1)
         return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
+
+    def _by_displacement(self, weights: Tensor, estimates: float, variance: bool) -> bool:
+        possible = self.prior.stationary and weights.device.type == "cpu" and not weights.requires_grad
+        return possible and displacement_pays(self.model, estimates, variance)
 
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel, averaged over code windows."""

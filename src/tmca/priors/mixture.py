@@ -256,8 +256,13 @@ class MixturePosterior:
     inside: Tensor
     centre: Tensor
 
-    def moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
-        """Estimate (N, n) of one block and, if asked for, the variance (N, valid) of its valid columns."""
+    def moments(
+        self, blocks: Sequence[int], measured: Sequence[Tensor], with_variance: bool
+    ) -> list[tuple[Tensor, Tensor | None]]:
+        """As of `tmca.priors.gaussian.BlockPosterior`."""
+        return [self._moments(block, one, with_variance) for block, one in zip(blocks, measured, strict=True)]
+
+    def _moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:
         likely = self.components(block, *self._likely(block, measured))
         logs, solved = likely.shares(measured)
         share = torch.softmax(logs, 0)

@@ -6,7 +6,7 @@ import io
 import os
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -137,8 +137,10 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     with ExitStack() as opened:
         source: Any = path
         if path.is_dir():
+            from tmca.data.formats.zarr_codecs import check_blosc
+
             check_store(path)
-            opened.enter_context(_zarr_codecs())
+            check_blosc()
             options |= {"engine": "zarr", "consolidated": False}
         elif _is_classic(path):
             _check_head(path)
@@ -148,12 +150,6 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
         with whole_file(path, LABELLED):
             dataset = xarray.open_dataset(source, **options)
         yield opened.enter_context(dataset)
-
-
-def _zarr_codecs() -> AbstractContextManager[None]:
-    from tmca.data.formats.zarr_codecs import checked_codecs
-
-    return checked_codecs()
 
 
 def labelled_attributes(path: Path) -> dict[str, Any]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
+import numcodecs
 import zarr
 from numcodecs.blosc import Blosc
-from numcodecs.registry import codec_registry
 from zarr.codecs import BloscCodec
 from zarr.registry import register_codec
 
@@ -38,17 +36,9 @@ def _check_length(chunk: memoryview) -> None:
         raise RuntimeError(f"a chunk of {len(chunk)} bytes states another length")
 
 
-_NAME = f"{__name__}.{CheckedBloscCodec.__name__}"
-
-
-@contextmanager
-def checked_codecs() -> Iterator[None]:
-    """Stores that are opened meanwhile have these codecs."""
-    before = codec_registry["blosc"]
-    register_codec("blosc", CheckedBloscCodec, qualname=_NAME)
-    codec_registry["blosc"] = CheckedBlosc
-    try:
-        with zarr.config.set({"codecs.blosc": _NAME}):
-            yield
-    finally:
-        codec_registry["blosc"] = before
+def check_blosc() -> None:
+    """Give the stores of this process these codecs from now on."""
+    name = f"{__name__}.{CheckedBloscCodec.__name__}"
+    register_codec("blosc", CheckedBloscCodec, qualname=name)
+    zarr.config.set({"codecs.blosc": name})
+    numcodecs.register_codec(CheckedBlosc)

@@ -18,9 +18,10 @@ def open_zarr(path: Path) -> Iterator[Contents]:
     """A Zarr store: xarray's (named axes) or a plain array or group; only codecs that run no code."""
     import zarr
 
-    from tmca.data.formats.zarr_codecs import checked_codecs
+    from tmca.data.formats.zarr_codecs import check_blosc
 
-    with whole_file(path, LABELLED), checked_codecs():
+    check_blosc()
+    with whole_file(path, LABELLED):
         node: Any = zarr.open(path, mode="r")
         group = isinstance(node, zarr.Group)
         members = dict(node.arrays()) if group else {path.stem: node}

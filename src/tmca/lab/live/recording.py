@@ -213,13 +213,14 @@ def _frames(path: Path, camera: Camera) -> tuple[Any, Any]:
     """The arrays of snapshots and of the log, not yet read."""
     import zarr
 
-    from tmca.data.formats.zarr_codecs import checked_codecs
+    from tmca.data.formats.zarr_codecs import check_blosc
 
     place, shape = path / _FRAMES, tuple(camera.snapshot_shape)
     if not place.is_dir():
         raise DataError(path, f"no group {_FRAMES}", "a recording of `tmca live`")
     check_store(place)
-    with whole_file(path, _WHOLE), checked_codecs():
+    check_blosc()
+    with whole_file(path, _WHOLE):
         group = zarr.open_group(place, mode="r", use_consolidated=False)  # what was checked, and nothing else
         arrays = {name: group[name] for name in ("snapshot", "log")}
     for array, one in zip(arrays.values(), (shape, (len(FIELDS),)), strict=True):
