@@ -98,6 +98,16 @@ def test_an_impossible_number_of_cameras_is_refused(tmp_path, count):
     assert caught.value.where == str(folder / "parameters.cfg")
 
 
+@pytest.mark.parametrize("name", ["focal_length_mm", "sensor_size_mm", "baseline_mm", "focus_distance_m"])
+@pytest.mark.parametrize("length", ["nan", "inf", "0", "-5"])
+def test_an_impossible_length_is_refused(tmp_path, name, length):
+    folder = hci(tmp_path, without=(name,))
+    edited(folder, "num_cams_y", f"{name} = {length}\nnum_cams_y")
+    with pytest.raises(DataError, match=f"{name} = {length}, expected a finite length above 0") as caught:
+        read_light_field(folder)
+    assert caught.value.where == str(folder / "parameters.cfg")
+
+
 @pytest.mark.parametrize(
     ("options", "where"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from configparser import ConfigParser
 from contextlib import suppress
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ NEEDED = {
     "extrinsics": ("num_cams_x", "num_cams_y", "baseline_mm", "focus_distance_m"),
 }
 """What a ``parameters.cfg`` of the HCI benchmark must state."""
+_LENGTHS = ("focal_length_mm", "sensor_size_mm", "baseline_mm", "focus_distance_m")
 _CFG = "parameters.cfg of the HCI benchmark"
 _MOST_A_SIDE = 999
 _WITHOUT = "take it away to go by the pictures alone"
@@ -72,7 +74,7 @@ def read_parameters(path: Path) -> dict[str, float]:
     """The numbers of a ``parameters.cfg``, of all its sections; `NEEDED` ones are all there.
 
     Raises:
-        DataError: unreadable, without a needed key, or with an impossible number of views.
+        DataError: unreadable, without a needed key, or with an impossible number of views or length.
     """
     parser, numbers = ConfigParser(interpolation=None), dict[str, float]()
     text = read_text(path, f"a {_CFG}", _FETCH)
@@ -89,6 +91,9 @@ def read_parameters(path: Path) -> dict[str, float]:
         if not (numbers[name].is_integer() and 1 <= numbers[name] <= _MOST_A_SIDE):
             wanted = f"a whole number of views from 1 to {_MOST_A_SIDE}"
             raise DataError(path, f"{name} = {numbers[name]:g}", wanted, _FETCH)
+    for name in _LENGTHS:
+        if not 0 < numbers[name] < inf:
+            raise DataError(path, f"{name} = {numbers[name]:g}", "a finite length above 0", _FETCH)
     return numbers
 
 
