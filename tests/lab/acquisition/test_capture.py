@@ -111,6 +111,16 @@ def taken(tmp_path):
     return camera, export, capture(export, bench_of(camera), tmp_path / "frames")
 
 
+def test_what_a_process_killed_behind_its_last_frame_left_is_gone_after_the_next(taken):
+    camera, export, folder = taken
+    files = {file.name for file in folder.iterdir()}
+    left = folder / ".captures.json.0123456789ab.tmp"
+    left.mkdir()
+    (left / ".lock").touch()
+    capture(export, bench_of(camera), folder)
+    assert {file.name for file in folder.iterdir()} == files
+
+
 def test_a_frame_in_anothers_place_is_refused(taken):
     camera, export, folder = taken
     shutil.copy(folder / "slot_002.tif", folder / "slot_000.tif")

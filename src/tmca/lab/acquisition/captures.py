@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tmca.attributes import Attributes, Beside, OpenAttributes, read_json
 from tmca.data import atomic_path, checksum_of, held_folder, make_folder, tiff_bytes, write_json
+from tmca.data.atomic import sweep
 from tmca.errors import DataError, OutputError
 from tmca.lab.display.manifest import NAME, exposed_whole, read_manifest, shown_digest
 from tmca.lab.notes import CAPTURES
@@ -108,6 +109,7 @@ def in_use(folder: Path) -> Iterator[None]:
     if folder.exists() and not folder.is_dir():
         raise OutputError(folder, "something that is no capture", "a new folder", "choose another")
     with held_folder(folder, "a capture"):
+        sweep(folder)  # of one that was killed behind its last frame; nothing else may be written here
         yield
 
 
