@@ -223,8 +223,8 @@ class BlockPosterior:
 
     def _solved(self, block: int, measured: Tensor) -> Tensor:
         """(N, m) G⁻¹ (y - A μ) of one block."""
-        away = (measured - self._expected[block]).double().mT
-        return torch.cholesky_solve(away, self._factors[block]).mT.to(self.solver.dtype)
+        factor, expected = self._equations[block]
+        return torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(self.solver.dtype)
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
         """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
@@ -236,22 +236,20 @@ class BlockPosterior:
         return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
+    def _equations(self) -> Sequence[tuple[Tensor, Tensor]]:
+        """Factor and expected measurements of every block, unbound at once: the derivative of an index would fill a
+        tensor of all blocks for each."""
+        return list(zip(self.factor.unbind(0), self.expected.unbind(0), strict=True))
+
+    @cached_property
     def _cross(self) -> Sequence[Tensor]:
-        """Of every block, unbound at once: the derivative of an index would fill a tensor of all blocks for each."""
+        """Covariances with pixels, likewise."""
         return self.cross.unbind(1)
-
-    @cached_property
-    def _factors(self) -> Sequence[Tensor]:
-        return self.factor.unbind(0)
-
-    @cached_property
-    def _expected(self) -> Sequence[Tensor]:
-        return self.expected.unbind(0)
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""
-        pairs = zip(self._factors, self._cross, strict=True)
-        explained = [explained_variance(factor, cross) for factor, cross in pairs]
+        pairs = zip(self._equations, self._cross, strict=True)
+        explained = [explained_variance(factor, cross) for (factor, _), cross in pairs]
         return (self.solver.variance - torch.stack(explained)).clamp(min=0)
 
     def valid_variance(self, block: int) -> Tensor:
