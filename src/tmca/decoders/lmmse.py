@@ -202,10 +202,7 @@ def solved_parts(
     for start in range(0, len(groups), most):
         part = groups[start : start + most]
         windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
-        if isinstance(solver, MixtureSolver):
-            yield part, solver.posterior(windows)
-        else:
-            yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
+        yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
 
 
 def _few(groups: list[Places]) -> Iterator[list[int]]:

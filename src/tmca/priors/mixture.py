@@ -351,8 +351,8 @@ class MixtureSolver:
         self.valid_basis = model.in_valid(self.basis.mT)
         self.glance = _glance(model)
 
-    def posterior(self, windows: Tensor) -> MixturePosterior:
-        """The posterior of blocks under code windows (P, taps, h, w)."""
+    def posterior(self, windows: Tensor, estimates: float | None = None, variance: bool = False) -> MixturePosterior:
+        """The posterior of blocks under code windows (P, taps, h, w), computed in one way, whatever is asked for."""
         model, weights = self.model, self.model.complete(windows.to(self.dtype))
         cross = model.cross_covariance(weights, self.rows)
         signal = model.measure(weights, cross).transpose(0, 1)
