@@ -71,6 +71,17 @@ def test_factors_are_left_out_where_memory_mixture_or_gradients_do_not_allow_the
     assert PatchEstimator(PRIOR, taps, NOISE).precompute().factors is None
 
 
+def test_no_room_is_made_for_factors_that_are_not_stored(monkeypatch):
+    dense = replace(PRIOR, moments=PRIOR.covariance)
+    estimator, made = PatchEstimator(dense, camera("single disperser", 9, 40), NOISE, dtype=torch.float32), []
+    new_empty = torch.Tensor.new_empty
+    monkeypatch.setattr(
+        torch.Tensor, "new_empty", lambda *given, **how: made.append(new_empty(*given, **how)) or made[-1]
+    )
+    assert estimator.precompute().factors is None
+    assert all(room.dtype != torch.float64 for room in made)
+
+
 @pytest.mark.parametrize("name", CAMERAS)
 def test_posteriors_with_gradients_are_the_same(name):
     taps = camera(name, 9, 40)

@@ -285,7 +285,7 @@ class Factors:
     """
 
     dark: Blend
-    parts: list[Solved]
+    parts: list[tuple[list[Places], BlockPosterior]]
 
     @classmethod
     def of(cls, dark: Blend, solver: GaussianSolver) -> Factors | None:
@@ -293,11 +293,13 @@ class Factors:
         groups, measurements = dark.layout.groups, dark.layout.grid.model.measurements
         if len(groups) * measurements**2 * torch.float64.itemsize > MOST_BYTES:
             return None
-        room = dark.layout.code.new_empty(len(groups), measurements, measurements, dtype=torch.float64)
-        parts: list[Solved] = []
+        parts: list[tuple[list[Places], BlockPosterior]] = []
+        room: Tensor | None = None
         for part, posterior in solved_parts(dark.layout, solver, groups, 1, False):
             if not isinstance(posterior, BlockPosterior) or posterior.known is not None:
                 return None
+            if room is None:
+                room = posterior.factor.new_empty(len(groups), measurements, measurements)
             place, room = room[: len(part)], room[len(part) :]
             parts.append((part, replace(posterior, factor=place.copy_(posterior.factor.mT).mT)))
         return cls(dark, parts)
