@@ -106,7 +106,9 @@ def test_what_is_stored_are_the_factors():
         assert posterior.factor.shape == (len(part), posterior.expected.shape[1], posterior.expected.shape[1])
         assert posterior.known is None
         assert not {"cross", "cross_valid"} & set(vars(posterior))
+    assert "rows" not in vars(posterior.solver)
     assert factors.deviation.shape == (1, 3, 7, 23)
+    assert not {"rows", "valid_rows"} & set(vars(posterior.solver))
     assert not any({"cross", "cross_valid"} & set(vars(posterior)) for _, posterior in factors.parts)
 
 

@@ -89,7 +89,7 @@ class PatchEstimator:
             else GaussianSolver(prior, model, noise, dtype)
         )
         self.layout = BlockLayout.of(model, taps, stride or usual_stride(model, taps.code), differentiable)
-        self.prior, self.noise = prior, noise
+        self.noise = noise
         self.bank: Bank | None = None
         self.factors: Factors | None = None
 
@@ -115,49 +115,44 @@ class PatchEstimator:
             SettingError: a file, but nothing that could be in it.
             DataError, OutputError: see `stored_bank` and `write_bank`.
         """
-        if file is None:
-            self.bank = self._computed_bank()
-            self.factors = self._computed_factors() if self.bank is None else None
+        solver = self.solver if isinstance(self.solver, GaussianSolver) and not self.differentiable else None
+        if file is not None:
+            check_target(file, overwrite=True)
+            self.bank = self._bank_in(file, solver)
+        elif solver is not None:
+            self.bank = self._computed_bank(solver)
+            self.factors = self._computed_factors(solver) if self.bank is None else None
             if self.factors and deviation:
                 _ = self.factors.deviation
-        else:
-            check_target(file, overwrite=True)
-            self.bank = self._bank_in(file)
+        if solver is not None and (self.bank or self.factors):
+            solver.drop_rows()
         return self
 
-    @property
-    def _prior_of_bank(self) -> GaussianPrior | None:
-        """The prior, where a bank can hold what follows from it."""
-        return self.prior if isinstance(self.prior, GaussianPrior) and not self.differentiable else None
-
-    def _computed_factors(self) -> Factors | None:
-        if self._prior_of_bank is None or not isinstance(self.solver, GaussianSolver):
-            return None
+    def _computed_factors(self, solver: GaussianSolver) -> Factors | None:
         dark = self.layout.code.new_zeros(1, *self.taps.snapshot_shape)
-        return Factors.of(Blend(self.layout, self.window, dark, uncertainty=True), self.solver)
+        return Factors.of(Blend(self.layout, self.window, dark, uncertainty=True), solver)
 
-    def _computed_bank(self) -> Bank | None:
-        layout, solver, prior = self.layout, self.solver, self._prior_of_bank
-        if prior is None or not isinstance(solver, GaussianSolver):
-            return None
+    def _computed_bank(self, solver: GaussianSolver) -> Bank | None:
+        layout = self.layout
         bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
         if bank is None or not self.fast:
             return bank
-        mean = prior.mean.mean((1, 2)).to(self.taps.code)[None, :, None, None]
+        mean = solver.prior.mean.mean((1, 2)).to(self.taps.code)[None, :, None, None]
         return smaller(bank, TapOperator(self.taps).A(mean.expand(1, *self.taps.scene_shape)))
 
-    def _bank_in(self, file: Path) -> Bank:
+    def _bank_in(self, file: Path, solver: GaussianSolver | None) -> Bank:
         """The bank of a file; computed and written where there is none."""
-        prior, grid, dtype = self._prior_of_bank, self.layout.grid, self.solver.dtype
-        key = bank_key(prior, self.taps, self.noise, grid, dtype, self.fast) if prior else ""
-        bank = stored_bank(file, key, grid, self.taps, dtype) if prior else None
-        if bank is not None:
-            return bank
-        bank = self._computed_bank()
-        if bank is None:
-            raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
-        write_bank(bank, self.taps.code.float(), key, file)
-        return bank
+        if solver is not None:
+            grid, dtype = self.layout.grid, solver.dtype
+            key = bank_key(solver.prior, self.taps, self.noise, grid, dtype, self.fast)
+            bank = stored_bank(file, key, grid, self.taps, dtype)
+            if bank is not None:
+                return bank
+            bank = self._computed_bank(solver)
+            if bank is not None:
+                write_bank(bank, self.taps.code.float(), key, file)
+                return bank
+        raise SettingError("bank", str(file), "codes that repeat themselves, under a Gaussian prior", _NO_BANK)
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
@@ -308,6 +303,7 @@ class Factors:
     def deviation(self) -> Tensor:
         """(1, L, H, W) of the blend, the same for all frames."""
         self.dark.lay_parts((part, replace(posterior)) for part, posterior in self.parts)  # a copy, which is dropped
+        self.parts[0][1].solver.drop_rows()
         deviation = self.dark.result().deviation
         assert deviation is not None
         return deviation

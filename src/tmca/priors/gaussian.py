@@ -315,6 +315,11 @@ class GaussianSolver:
         """(m, T, valid) the same with those of the valid columns."""
         return self.model.in_valid(self.rows)
 
+    def drop_rows(self) -> None:
+        """Free the rows, tens of megabytes that are made again where they are asked for."""
+        for name in ("rows", "valid_rows"):
+            vars(self).pop(name, None)
+
     def posterior(self, windows: Tensor, estimates: float | None = None, variance: bool = False) -> BlockPosterior:
         """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows.
 
