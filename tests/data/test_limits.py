@@ -131,6 +131,16 @@ def test_a_codec_that_can_run_code_is_refused(cube, tmp_path, place):
             reader(path)
 
 
+def test_what_is_said_of_codecs_elsewhere_counts_for_nothing(tmp_path):
+    path, cube = tmp_path / "a.zarr", np.arange(160, dtype="f4").reshape(4, 5, 8) / 160
+    zarr.create_array(path, name="cube", data=cube, zarr_format=2)
+    zarr.consolidate_metadata(path)
+    said = json.loads((path / ".zmetadata").read_text())
+    said["metadata"]["cube/.zarray"]["filters"] = [{"id": "pickle"}]
+    (path / ".zmetadata").write_text(json.dumps(said))
+    np.testing.assert_array_equal(read_array(path), cube)
+
+
 def test_depth_beyond_float32_is_unknown(tmp_path):
     values = np.full((4, 5), 2.0)
     values[1, 2] = 1e300

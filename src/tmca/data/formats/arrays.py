@@ -19,7 +19,6 @@ from tmca.data.formats.hdf5_structure import damaged_scales, lies_elsewhere, mis
 from tmca.data.formats.limits import check_array
 from tmca.data.formats.stored import Contents, Stored, from_array, lazy, reads, whole_file
 from tmca.data.formats.wavelengths import give_wavelengths
-from tmca.data.formats.zarr_metadata import check_store
 from tmca.errors import DataError
 
 if TYPE_CHECKING:
@@ -137,10 +136,10 @@ def open_labelled(path: Path) -> Iterator[xarray.Dataset]:
     with ExitStack() as opened:
         source: Any = path
         if path.is_dir():
-            from tmca.data.formats.zarr_codecs import check_blosc
+            from tmca.data.formats.zarr_codecs import open_store
 
-            check_store(path)
-            check_blosc()
+            with whole_file(path, LABELLED):
+                source = open_store(path).store
             options |= {"engine": "zarr", "consolidated": False}
         elif _is_classic(path):
             _check_head(path)

@@ -1,7 +1,10 @@
-"""Blosc of Zarr stores, with a look at every chunk first: the library believes whatever length a chunk states."""
+"""The one way into a Zarr store: what it says of itself is checked first, and so is every chunk of blosc, of which the
+library believes whatever length it states."""
 
 from __future__ import annotations
 
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numcodecs
@@ -9,6 +12,8 @@ import zarr
 from numcodecs.blosc import Blosc
 from zarr.codecs import BloscCodec
 from zarr.registry import register_codec
+
+from tmca.data.formats.zarr_metadata import check_store
 
 _HEAD = 16
 """Bytes of a chunk's head, whose last four are its length."""
@@ -36,7 +41,19 @@ def _check_length(chunk: memoryview) -> None:
         raise RuntimeError(f"a chunk of {len(chunk)} bytes states another length")
 
 
-def check_blosc() -> None:
+def open_store(path: Path) -> zarr.Array[Any] | zarr.Group:
+    """An array or a group for reading, as its own files describe it: consolidated metadata count for nothing.
+
+    Raises:
+        DataError: see `check_store`.
+    """
+    check_store(path)
+    _check_blosc()
+    return zarr.open(path, mode="r", use_consolidated=False)
+
+
+@cache
+def _check_blosc() -> None:
     """Give the stores of this process these codecs from now on."""
     name = f"{__name__}.{CheckedBloscCodec.__name__}"
     register_codec("blosc", CheckedBloscCodec, qualname=name)

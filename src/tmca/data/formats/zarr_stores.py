@@ -10,7 +10,6 @@ from typing import Any
 from tmca.data.formats.arrays import LABELLED, attrs_of, from_dataset, open_labelled, plain
 from tmca.data.formats.stored import Contents, whole_file
 from tmca.data.formats.wavelengths import give_wavelengths
-from tmca.data.formats.zarr_metadata import check_store
 
 
 @contextmanager
@@ -18,11 +17,10 @@ def open_zarr(path: Path) -> Iterator[Contents]:
     """A Zarr store: xarray's (named axes) or a plain array or group; only codecs that run no code."""
     import zarr
 
-    from tmca.data.formats.zarr_codecs import check_blosc
+    from tmca.data.formats.zarr_codecs import open_store
 
-    check_blosc()
     with whole_file(path, LABELLED):
-        node: Any = zarr.open(path, mode="r")
+        node: Any = open_store(path)
         group = isinstance(node, zarr.Group)
         members = dict(node.arrays()) if group else {path.stem: node}
         labelled = group and bool(members) and all(_has_dims(array) for array in members.values())
@@ -30,7 +28,6 @@ def open_zarr(path: Path) -> Iterator[Contents]:
         with open_labelled(path) as dataset:
             yield from_dataset(path, "Zarr", dataset)
     else:
-        check_store(path)
         arrays = {name: plain(path, name, array) for name, array in members.items()}
         yield Contents(path, "Zarr", give_wavelengths(arrays), attrs=attrs_of(path, node))
 

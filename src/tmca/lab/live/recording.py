@@ -18,7 +18,6 @@ from tmca.data import atomic_path, read_dataset
 from tmca.data.atomic import check_target
 from tmca.data.folders import output_error, sole_process
 from tmca.data.formats.stored import whole_file
-from tmca.data.formats.zarr_metadata import check_store
 from tmca.errors import DataError, OutputError, TmcaError, check_choice
 from tmca.lab.live.loop import Shown
 from tmca.stored_numbers import check_finite
@@ -211,17 +210,13 @@ def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
 
 def _frames(path: Path, camera: Camera) -> tuple[Any, Any]:
     """The arrays of snapshots and of the log, not yet read."""
-    import zarr
-
-    from tmca.data.formats.zarr_codecs import check_blosc
+    from tmca.data.formats.zarr_codecs import open_store
 
     place, shape = path / _FRAMES, tuple(camera.snapshot_shape)
     if not place.is_dir():
         raise DataError(path, f"no group {_FRAMES}", "a recording of `tmca live`")
-    check_store(place)
-    check_blosc()
     with whole_file(path, _WHOLE):
-        group = zarr.open_group(place, mode="r", use_consolidated=False)  # what was checked, and nothing else
+        group: Any = open_store(place)
         arrays = {name: group[name] for name in ("snapshot", "log")}
     for array, one in zip(arrays.values(), (shape, (len(FIELDS),)), strict=True):
         _check_frames(array, one, place)
