@@ -36,7 +36,11 @@ SETTINGS = {
         ({"exposure": "mean"}, "exposure"), ({"disperser": "triple"}, "disperser"),
         ({"shutter": "oneshot"}, "shutter"),
         ({"response": [1.0]}, "response"), ({"dispersion": [1.0, 2.0]}, "dispersion"),
+        *(({"bands": 2, "response": [1.0, share]}, "response") for share in (NAN, float("inf"), -0.1)),
+        ({"bands": 2, "response": [0.0, 0.0]}, "response"),
         ({"bands": 3, "size": (6, 7), "coloured": torch.ones(4, 6, 7)}, "coloured"),
+        *(({"bands": 4, "size": (6, 7), "coloured": torch.full((4, 6, 7), share)}, "coloured")
+          for share in (NAN, float("inf"), -0.1, 1.1)),
         *(({"bands": 4, "size": (6, 7), "coloured": torch.ones(4, 6, 7), **more}, "coloured")
           for more in ({"disperser": "dual"}, {"relay_blur": 1.0})),
     ],

@@ -15,7 +15,7 @@ from torch.nn.functional import pad
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
 from tmca.attributes import attributes_of
 from tmca.cameras.camera import BandCamera, CodedAttributes, CodedCamera
-from tmca.codes import Codes
+from tmca.codes import Codes, check_shares
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
 from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
@@ -283,7 +283,6 @@ class SpectralCamera(BandCamera, CodedCamera):
 
     def _check_coloured(self, code: Tensor) -> None:
         check_shape("coloured", code, (self.bands, *self.size))
-        if not bool(torch.isfinite(code).all()) or code.min() < 0 or code.max() > 1:
-            raise SettingError("coloured", "values outside [0, 1]", "transmittances", "scale the patterns")
+        check_shares("coloured", code, "transmittances", "scale the patterns")
         if self.disperser == "dual" or self.blurred:
             raise SettingError("coloured", "a dual disperser or relay blur beside it", "a single disperser, no blur")

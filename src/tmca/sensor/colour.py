@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from math import inf
 from numbers import Integral
 from typing import Any, cast
 
@@ -207,9 +208,9 @@ def channel_weights(where: str, values: Any, shape: tuple[int, ...]) -> Tensor:
     except (TypeError, ValueError):
         raise ShapeError(where, "rows of unequal length, or no numbers", str(shape)) from None
     check_shape(where, weights, shape)
-    numbers = weights.detach()
-    if not bool(torch.isfinite(numbers).all()) or numbers.min() < 0 or numbers.max() <= 0:
-        raise SettingError(where, str(numbers.tolist()), "finite numbers ≥ 0, not all zero")
+    smallest, largest = torch.aminmax(weights)  # NaN where any value is
+    if not (smallest >= 0 and 0 < largest < inf):
+        raise SettingError(where, str(weights.tolist()), "finite numbers ≥ 0, not all zero")
     return weights
 
 
