@@ -212,12 +212,9 @@ def open_groups(path: Path, kind: str) -> Iterator[dict[str, xarray.Dataset]]:
     import xarray
 
     with open_h5(path) as file:
-        _check_labels(path, file)
-    with whole_file(path, kind):
-        tree = xarray.open_datatree(path, engine="h5netcdf")
-    with tree:
+        store = _store(path, file)
         with whole_file(path, kind):
-            groups = {str(name): group.to_dataset() for name, group in tree.children.items()}
+            groups = {str(name): xarray.open_dataset(store.get_child_store(name)) for name in store.ds.groups}
         yield groups
 
 
