@@ -6,9 +6,10 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
-from pydantic import BaseModel
+from pydantic import BaseModel, model_serializer
 
 from tmca.evaluation.grid import CellsFailed, DamagedCell, cell_key, run_cells
 
@@ -58,6 +59,21 @@ def test_typed_cells_are_their_json_values_and_equal_ones_are_computed_once(tmp_
     found = run_cells(cells, square, tmp_path, progress=lambda done, total, name: told.append(name))
     assert found == [{"name": "two", "value": 2, "square": 4}] * 2
     assert told == ["two"]
+
+
+def test_a_typed_cell_is_put_into_json_once_and_named_by_its_foreign_sources(tmp_path):
+    class Foreign(Power):
+        foreign: ClassVar = ["source"]
+        dumped: ClassVar = []
+
+        @model_serializer(mode="wrap")
+        def dump(self, usual):
+            self.dumped.append(self.name)
+            return usual(self)
+
+    run_cells([Foreign(name="two", value=2)], square, tmp_path)
+    assert Foreign.dumped == ["two"]
+    assert (tmp_path / f"{cell_key({'name': 'two', 'value': 2}, ['source'])}.json").exists()
 
 
 def test_another_version_of_the_package_computes_anew(tmp_path, monkeypatch):

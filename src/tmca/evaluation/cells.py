@@ -44,8 +44,12 @@ class Cell(BaseModel, ABC):
     @property
     def key(self) -> str:
         """Digest of all of it, and of the source of the classes of other packages that it needs."""
-        sources = [foreign_source(cls) for cls in self._classes()]  # type: ignore[arg-type]
-        return cell_key(self.model_dump(mode="json"), [source for source in sources if source])
+        return cell_key(self.model_dump(mode="json"), self.foreign)
+
+    @property
+    def foreign(self) -> list[str]:
+        """The source of the classes of other packages that it needs."""
+        return [source for cls in self._classes() if (source := foreign_source(cls))]  # type: ignore[arg-type]
 
     def _classes(self) -> list[type[Any]]:
         """Those that its camera, decoder and prior are of."""

@@ -149,8 +149,8 @@ def run_cells(
     """Compute every cell that has no file in ``folder`` yet.
 
     Args:
-        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``; a model may have a
-            ``key`` of its own.
+        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``; a model may have
+            ``foreign``, see `cell_key`.
         compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
         folder: of a file per finished cell.
         jobs: processes side by side.
@@ -169,8 +169,8 @@ def run_cells(
     sweep_all(place)  # of one that was killed behind its last cell; nothing else would be written here
     asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
     names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
-    keys = [getattr(cell, "key", None) for cell in cells]
-    files = [place / f"{key or cell_key(cell)}.json" for key, cell in zip(keys, asked, strict=True)]
+    foreign = [getattr(cell, "foreign", ()) for cell in cells]
+    files = [place / f"{cell_key(cell, sources)}.json" for cell, sources in zip(asked, foreign, strict=True)]
     measured = {file: cell for file in dict.fromkeys(files) if (cell := _finished(file)) is not None}
     waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
     done, own = len(asked) - len(waiting), failures or Failures(place)
