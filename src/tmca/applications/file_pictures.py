@@ -18,6 +18,7 @@ from tmca.data import (
     read_rgbd,
     read_spectral_depth,
 )
+from tmca.data.describe import is_prior
 from tmca.data.pixels import encoded
 from tmca.errors import DataError
 from tmca.plots.cube import cube_figure
@@ -49,7 +50,7 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     names = set(description.get("variables", {})) | set(description.get("coords", {}))
     if holds_snapshot(names):
         return snapshot_figure(Snapshot.load(path), path.name)
-    if str(description.get("attrs", {}).get("format", "")).startswith("tmca prior"):
+    if is_prior(description):
         from tmca.priors import load_prior
 
         figure: Figure = load_prior(path).figure()

@@ -53,7 +53,9 @@ def inspect(
 
 def _lines(description: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
-    prior = str(description.get("attrs", {}).get("format", "")).startswith("tmca prior")
+    from tmca.data.describe import is_prior
+
+    prior = is_prior(description)
     camera = str(description.get("attrs", {}).get("camera", ""))
     named, variables = camera not in ("", *CAMERA_SPECS), description.get("variables", {}).keys()
     captured = {"snapshot", "aperture", "shutter"} <= variables or (named and "snapshot" in variables)

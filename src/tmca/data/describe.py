@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -79,6 +80,11 @@ def describe(
         elif main["kind"] == "cube":
             about["depth"] = depth_in(contents)
     return dict(plain(about))
+
+
+def is_prior(description: Mapping[str, Any]) -> bool:
+    """Whether it is that of a file written by `tmca.priors.Prior.save`."""
+    return str(description.get("attrs", {}).get("format", "")).startswith("tmca prior")
 
 
 def _scene(path: str | Path, scene: xr.Dataset) -> dict[str, Any]:
