@@ -104,6 +104,8 @@ REFUSED = {
     "demo --out dark.npy --size 40x48": ("dark.npy",),
     "evaluate good.mat few.nc": ("few.nc: found 11 bands, expected 31",),
     "evaluate s.nc good.mat": ("s.nc: found a snapshot", "tmca reconstruct"),
+    "evaluate good.mat s.nc": ("s.nc: found a snapshot, expected a scene; name one",),
+    "simulate light-field s.nc": ("s.nc: found a snapshot, expected a scene; name one",),
     "evaluate good.mat small.mat": ("small.mat: found 6×14 (y, x)",),
     "evaluate five.npy five.nc": ("--wavelengths in nm",),
     "inspect s.nc --figure s.foo": (".png .pdf .svg",),
