@@ -7,10 +7,14 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 from tmca.errors import TmcaError, did_you_mean
+
+if TYPE_CHECKING:
+    from cyclopts import MissingArgumentError
 
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
@@ -100,7 +104,7 @@ def _asks_for_help(tokens: list[str]) -> bool:
 
 def _misspelt(error: Exception, tokens: list[str]) -> str:
     """What the command line cannot take, in one line; a value that a spec refuses like every other error."""
-    from cyclopts import UnknownOptionError, UnusedCliTokensError
+    from cyclopts import MissingArgumentError, UnknownOptionError, UnusedCliTokensError
     from pydantic import ValidationError
 
     if isinstance(error.__cause__, ValidationError):
@@ -110,11 +114,28 @@ def _misspelt(error: Exception, tokens: list[str]) -> str:
     if isinstance(error, UnusedCliTokensError):
         return f"found {' '.join(error.unused_tokens or ())!r} too much, expected what --help of this command shows"
     if isinstance(error, UnknownOptionError):
-        option = error.token.keyword or error.token.value
-        remedy = did_you_mean(option, (name for one in error.argument_collection for name in one.names), "leave it out")
-        return f"{option}: found an unknown option, expected one that --help-all of this command lists; {remedy}"
+        known = [name for one in error.argument_collection for name in one.names]
+        return _unknown_option(error.token.keyword or error.token.value, known)
+    if isinstance(error, MissingArgumentError):
+        return _missing(error)
     said = " ".join(str(error).split())
     return said if tokens else f"{said} Try `tmca --help`."
+
+
+def _unknown_option(option: str, known: Iterable[str]) -> str:
+    remedy = did_you_mean(option, known, "leave it out")
+    return f"{option}: found an unknown option, expected one that --help-all of this command lists; {remedy}"
+
+
+def _missing(error: MissingArgumentError) -> str:
+    """An argument that is required, or the value of an option; where one was misspelt, that option."""
+    assert error.argument is not None
+    known = error.argument.names
+    misspelt = [one for one in error.unused_tokens or () if one.startswith("--") and did_you_mean(one, known)]
+    if misspelt and error.keyword is None:
+        return _unknown_option(misspelt[0], known)
+    command = " ".join(("tmca", *(error.command_chain or ())))
+    return f"{error.keyword or error.argument.name}: found nothing, expected a value; {command} --help says which"
 
 
 def _in_options(error: TmcaError, tokens: list[str]) -> str:
