@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import partial, wraps
 from inspect import Parameter, Signature, getdoc, signature
 from pathlib import Path
@@ -310,3 +310,26 @@ def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: boo
         if not texts and isinstance(value, str) and isinstance(checked[name], int | float):
             raise SettingError(name, repr(value), _words(types[name]), "give a number, not a text")
     return checked
+
+
+class WithSettings:
+    """A decoder, whose settings are checked before its ``__post_init__`` looks at them."""
+
+    def __new__(cls, *given: Any, **named: Any) -> Self:
+        names = tuple(signature(cls.__init__).parameters)[1:]
+        _changed(cls, {**dict(zip(names, given, strict=False)), **named})
+        return super().__new__(cls)
+
+    def _checked(self) -> Self:
+        """The decoder, every setting that is not its default being a value of its type; SettingError otherwise."""
+        given = {setting.name: getattr(self, setting.name) for setting in settings_of(type(self))}
+        changed = _changed(type(self), given)
+        converted = {name: value for name, value in changed.items() if type(value) is not type(given[name])}
+        return replace(self, **converted) if converted else self  # type: ignore[type-var]
+
+
+def _changed(decoder: type[Any], given: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings that are not their defaults, each a value of its type."""
+    defaults = {setting.name: setting.default for setting in settings_of(decoder)}
+    changed = {name: value for name, value in given.items() if name in defaults and value is not defaults[name]}
+    return checked_settings(decoder, changed) if changed else {}

@@ -1,5 +1,7 @@
 """Every decoder of the registry on every camera that it names."""
 
+from dataclasses import dataclass
+
 import pytest
 import torch
 import xarray as xr
@@ -106,6 +108,20 @@ def test_decoders_and_settings_of_another_type_are_named(decoder, settings, mess
     camera = camera_for(DECODERS["dagger"], "spectral")
     with pytest.raises(SettingError, match=message):
         decode(Snapshot(values_for(camera), camera), decoder, **settings)
+
+
+def test_a_setting_of_another_type_is_named_before_its_class_looks_at_it():
+    @dataclass
+    class Rooted(DECODERS["dagger"]):
+        gain: float = 1.0
+
+        def __post_init__(self):
+            self.root = self.gain**0.5
+
+    for make in (lambda: Rooted("much"), lambda: Rooted(gain="much")):
+        with pytest.raises(SettingError, match="gain: found 'much', expected a number"):
+            make()
+    assert Rooted(4.0).root == 2
 
 
 @pytest.mark.parametrize(("decoder", "settings", "where"), [

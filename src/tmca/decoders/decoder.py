@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.arguments import checked_settings, described, path_of, settings_of
+from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
@@ -158,7 +158,7 @@ class Raw:
 
 
 @dataclass
-class Decoder(ABC):
+class Decoder(WithSettings, ABC):
     """From a snapshot to the scene; a subclass's fields are its settings, its docstring's ``Args`` their help.
 
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
@@ -264,14 +264,6 @@ class Decoder(ABC):
             if many:
                 state = decoder.precompute(state, bank)
         return Prepared(decoder, camera, state, time.perf_counter() - start)
-
-    def _checked(self) -> Decoder:
-        """The decoder, every setting that is not its default being a value of its type; SettingError otherwise."""
-        defaults = {setting.name: setting.default for setting in settings_of(type(self))}
-        given = {name: getattr(self, name) for name in defaults}
-        checked = checked_settings(type(self), {name: v for name, v in given.items() if v is not defaults[name]})
-        converted = {name: value for name, value in checked.items() if type(value) is not type(given[name])}
-        return replace(self, **converted) if converted else self
 
     def __call__(
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
