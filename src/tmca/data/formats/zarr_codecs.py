@@ -3,7 +3,6 @@ library believes whatever length it states."""
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -52,9 +51,8 @@ def open_store(path: Path) -> zarr.Array[Any] | zarr.Group:
     return zarr.open(path, mode="r", use_consolidated=False)
 
 
-@cache
 def _check_blosc() -> None:
-    """Give the stores of this process these codecs from now on."""
+    """Give the stores of this process these codecs from now on, whatever was done to Zarr's settings before."""
     name = f"{__name__}.{CheckedBloscCodec.__name__}"
     register_codec("blosc", CheckedBloscCodec, qualname=name)
     zarr.config.set({"codecs.blosc": name})
