@@ -9,7 +9,7 @@ from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
-from tmca.decoders.lmmse import PatchEstimator
+from tmca.decoders.lmmse import Blend, PatchEstimator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import GaussianSolver, explained_variance
 from tmca.sensor import Noise, Sensor
@@ -110,6 +110,22 @@ def test_what_is_stored_are_the_factors():
     assert factors.deviation.shape == (1, 3, 7, 23)
     assert not {"rows", "valid_rows"} & set(vars(posterior.solver))
     assert not any({"cross", "cross_valid"} & set(vars(posterior)) for _, posterior in factors.parts)
+
+
+def test_a_deviation_that_was_stopped_is_computed_anew(monkeypatch):
+    taps = camera("single disperser", 9, 40)
+    expected = PatchEstimator(PRIOR, taps, NOISE).precompute().factors.deviation
+    factors, add, laid = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors, Blend._add, []
+
+    def stopped(*given):
+        laid.append(add(*given))
+        if len(laid) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(Blend, "_add", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        _ = factors.deviation
+    torch.testing.assert_close(factors.deviation, expected, rtol=0, atol=0)
 
 
 @pytest.mark.parametrize("measurements", [1, 2, 3, 4, 5, 9])

@@ -121,16 +121,12 @@ class PatchEstimator:
             self.bank = self._bank_in(file, solver)
         elif solver is not None:
             self.bank = self._computed_bank(solver)
-            self.factors = self._computed_factors(solver) if self.bank is None else None
+            self.factors = Factors.of(self.layout, self.window, solver) if self.bank is None else None
             if self.factors and deviation:
                 _ = self.factors.deviation
         if solver is not None and (self.bank or self.factors):
             solver.drop_rows()
         return self
-
-    def _computed_factors(self, solver: GaussianSolver) -> Factors | None:
-        dark = self.layout.code.new_zeros(1, *self.taps.snapshot_shape)
-        return Factors.of(Blend(self.layout, self.window, dark, uncertainty=True), solver)
 
     def _computed_bank(self, solver: GaussianSolver) -> Bank | None:
         layout = self.layout
@@ -275,36 +271,41 @@ class Factors:
     """What is known of all blocks of a frame, without covariances with pixels.
 
     Args:
-        dark: no light, and how it is blended.
+        layout: of the blocks.
+        window: (L, h, w) weights of the places in a block.
         parts: the groups of blocks, solved.
     """
 
-    dark: Blend
+    layout: BlockLayout
+    window: Tensor
     parts: list[tuple[list[Places], BlockPosterior]]
 
     @classmethod
-    def of(cls, dark: Blend, solver: GaussianSolver) -> Factors | None:
+    def of(cls, layout: BlockLayout, window: Tensor, solver: GaussianSolver) -> Factors | None:
         """None where they take more than ``MOST_BYTES``, or covariances with pixels would have to be stored too."""
-        groups, measurements = dark.layout.groups, dark.layout.grid.model.measurements
+        groups, measurements = layout.groups, layout.grid.model.measurements
         if len(groups) * measurements**2 * torch.float64.itemsize > MOST_BYTES:
             return None
         parts: list[tuple[list[Places], BlockPosterior]] = []
         room: Tensor | None = None
-        for part, posterior in solved_parts(dark.layout, solver, groups, 1, False):
+        for part, posterior in solved_parts(layout, solver, groups, 1, False):
             if not isinstance(posterior, BlockPosterior) or posterior.known is not None:
                 return None
             if room is None:
                 room = posterior.factor.new_empty(len(groups), measurements, measurements)
             place, room = room[: len(part)], room[len(part) :]
             parts.append((part, replace(posterior, factor=place.copy_(posterior.factor.mT).mT)))
-        return cls(dark, parts)
+        return cls(layout, window, parts)
 
     @cached_property
     def deviation(self) -> Tensor:
         """(1, L, H, W) of the blend, the same for all frames."""
-        self.dark.lay_parts((part, replace(posterior)) for part, posterior in self.parts)  # a copy, which is dropped
+        grid = self.layout.grid
+        dark = self.layout.code.new_zeros(1, grid.model.buckets, *grid.frame)  # padded as it is, with no light
+        blend = Blend(self.layout, self.window, dark, uncertainty=True)
+        blend.lay_parts((part, replace(posterior)) for part, posterior in self.parts)  # a copy, which is dropped
         self.parts[0][1].solver.drop_rows()
-        deviation = self.dark.result().deviation
+        deviation = blend.result().deviation
         assert deviation is not None
         return deviation
 
