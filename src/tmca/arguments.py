@@ -267,12 +267,12 @@ class Setting:
 
 
 def settings_of(decoder: type[Any]) -> list[Setting]:
-    """The fields of a decoder, with what its docstring's ``Args`` say of them."""
-    texts = _helps(getdoc(decoder) or "")
-    defaults = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in fields(decoder)}
+    """The fields of a decoder that its constructor takes, with what its docstring's ``Args`` say of them."""
+    texts, taken = _helps(getdoc(decoder) or ""), [f for f in fields(decoder) if f.init]
+    defaults = {f.name: f.default if f.default_factory is MISSING else f.default_factory() for f in taken}
     return [
         Setting(f.name, getattr(f.type, "__name__", str(f.type)), defaults[f.name], texts.get(f.name, ""))
-        for f in fields(decoder)
+        for f in taken
     ]
 
 

@@ -1,6 +1,6 @@
 """Every decoder of the registry on every camera that it names."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pytest
 import torch
@@ -122,6 +122,20 @@ def test_a_setting_of_another_type_is_named_before_its_class_looks_at_it():
         with pytest.raises(SettingError, match="gain: found 'much', expected a number"):
             make()
     assert Rooted(4.0).root == 2
+
+
+def test_a_field_that_a_decoder_fills_in_itself_is_no_setting():
+    @dataclass
+    class Doubled(DECODERS["dagger"]):
+        gain: float = 1.0
+        twice: int = field(init=False)
+
+        def __post_init__(self):
+            self.twice = 2.0 * self.gain
+
+    assert [setting.name for setting in settings_of(Doubled)] == ["gain"]
+    camera = camera_for(DECODERS["dagger"], "spectral")
+    assert decode(Snapshot(values_for(camera), camera), Doubled, gain=2.0).decoder == "dagger"
 
 
 @pytest.mark.parametrize(("decoder", "settings", "where"), [
