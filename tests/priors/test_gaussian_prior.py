@@ -53,3 +53,10 @@ def test_impossible_cubes_are_refused(cubes, block, error, where):
     with pytest.raises(error) as caught:
         GaussianPrior.learn(cubes, block)
     assert caught.value.where == where
+
+
+@pytest.mark.parametrize("sides", [(), (3,), (2, 3, 1, 4)])
+def test_a_mean_that_is_of_no_block_is_refused(sides):
+    mean = torch.ones(sides).double()
+    with pytest.raises(ShapeError, match=r"prior: found shape \(.*\), expected \(L, h, w\)"):
+        GaussianPrior(mean, torch.eye(mean.numel()).double())

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, ShapeError, check_range
+from tmca.errors import SettingError, ShapeError, check_range, check_shape
 from tmca.operators.blocks import BlockModel
 from tmca.operators.displacement import MeasurementCovariance, Smoothing, displacement_pays
 from tmca.priors.prior import Prior
@@ -50,9 +50,10 @@ class GaussianPrior(Prior):
     sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_shape("prior", self.mean, ("L", "h", "w"))
         n, lags = self.mean.numel(), (self.mean.shape[0], *self.mean.shape)
         both = (*lags[:2], *(2 * side - 1 for side in lags[2:]))
-        if self.mean.ndim != 3 or tuple(self.moments.shape) not in ((n, n), lags, both):
+        if tuple(self.moments.shape) not in ((n, n), lags, both):
             found = f"mean {tuple(self.mean.shape)} with moments {tuple(self.moments.shape)}"
             raise ShapeError("prior", found, f"{(n, n)}, {lags} or {both}")
         if self.wavelengths is not None and len(self.wavelengths) != self.mean.shape[0]:
