@@ -131,7 +131,8 @@ def _missing(error: MissingArgumentError) -> str:
     """An argument that is required, or the value of an option; where one was misspelt, that option."""
     assert error.argument is not None
     known = error.argument.names
-    misspelt = [one for one in error.unused_tokens or () if one.startswith("--") and did_you_mean(one, known)]
+    options = [one.partition("=")[0] for one in error.unused_tokens or () if one.startswith("--")]
+    misspelt = [option for option in options if did_you_mean(option, known)]
     if misspelt and error.keyword is None:
         return _unknown_option(misspelt[0], known)
     command = " ".join(("tmca", *(error.command_chain or ())))
