@@ -21,6 +21,7 @@ REFUSED = {
         "compare spectral": "--train: found nothing, expected a value; tmca compare spectral --help says which",
         "compare spectral --trian x": ("--trian: found an unknown option", "did you mean --train?"),
         "compare spectral --trian=a/longer/name.nc": ("--trian: found an unknown option", "did you mean --train?"),
+        "compare spectral -- --train": "--train: found nothing, expected a value",
         "export s.nc": "--device: found nothing, expected a value; tmca export --help says which",
         "reconstruct": "SNAPSHOT: found nothing, expected a value; tmca reconstruct --help says which",
         "reconstruct s.nc -d": "-d: found nothing, expected a value",

@@ -132,7 +132,7 @@ def _missing(error: MissingArgumentError) -> str:
     assert error.argument is not None
     known = error.argument.names
     options = [one.partition("=")[0] for one in error.unused_tokens or () if one.startswith("--")]
-    misspelt = [option for option in options if did_you_mean(option, known)]
+    misspelt = [option for option in options if option not in known and did_you_mean(option, known)]
     if misspelt and error.keyword is None:
         return _unknown_option(misspelt[0], known)
     command = " ".join(("tmca", *(error.command_chain or ())))
