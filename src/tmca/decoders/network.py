@@ -30,7 +30,8 @@ class NetworkDecoder(Decoder):
     """A network trained for the camera; it brings its prior, in whose place another may be given.
 
     Args:
-        weights: a run or file of `tmca train`, or default, which comes with tmca (spectral, 12 bands).
+        weights: a run or file of `tmca train`; or what comes with tmca for spectral cameras: default (12 bands), or
+            universal (any bands, codes and buckets), which also predicts the standard deviation.
     """
 
     name, label, cameras = "network", "network", frozenset({"spectral", "light-field", "spectral-depth"})
@@ -57,8 +58,8 @@ class NetworkDecoder(Decoder):
     def setup(self, camera: Any, prior: Any) -> tuple[CollapsedNetwork | TwoHeadedNetwork, str]:
         weights = self.trained(camera)
         weights.check(camera)
-        prior = weights.load_prior() if prior is None else prior
-        network = _on(weights.network, camera.response.device)
+        prior = weights.load_prior(camera) if prior is None else prior
+        network = _on(weights.network_for(camera), camera.response.device)
         if isinstance(network, TwoHeadedUNet):
             return TwoHeadedNetwork(network, camera, prior), str(weights.path or "")
         operator = TapOperator(camera.taps())
@@ -66,7 +67,9 @@ class NetworkDecoder(Decoder):
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         network, path = prepared
-        output = network(values, progress)
-        raw = output if isinstance(output, Raw) else Raw(output)
+        output = (
+            network.outputs(values, progress) if isinstance(network, CollapsedNetwork) else network(values, progress)
+        )
+        raw = output if isinstance(output, Raw) else Raw(*output)
         raw.notes["weights"] = path
         return raw

@@ -9,6 +9,7 @@ from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
 from tmca.priors.statistics import pooled
+from tmca.priors.subspace import SubspacePrior, interpolation
 
 __all__ = [
     "BlockGrid",
@@ -17,11 +18,13 @@ __all__ = [
     "GaussianPrior",
     "PatchDictionary",
     "Prior",
+    "SubspacePrior",
     "block_of",
     "check_kind",
     "expected_mse",
     "expected_psnr",
     "find_prior",
+    "interpolation",
     "learn_prior",
     "load_prior",
     "pooled",

@@ -26,7 +26,8 @@ Progress = Callable[[float, str], None]
 """Takes the share that is done, and what is done next."""
 _SIZE, _RANGE = (256, 256), (400e-9, 700e-9)
 _VIEWS_SIZE, _VIEWS_SEEDS = (128, 160), (0, 1)
-_ROWS, _ENTRIES, _MIXTURE_ROWS, _MIXTURE_ENTRIES = 12, 5184, 8, 3456
+_LARGEST_BLOCKS = {"gaussian": (12, 5184), "mixture": (8, 3456), "subspace": (12, 26880)}
+"""Most rows, and entries."""
 _COMPLETE, _FEWEST_ROWS = 14, 2
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
 _RENDERING = 1
@@ -64,6 +65,8 @@ def find_prior(
     if given is None:
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
+    if getattr(prior, "any_bands", False) and kind == "gaussian" and camera.views is None:
+        prior = prior.at(camera.wavelengths, block or block_of(camera, prior.kind))
     check_kind(prior, kind)
     prior.check(camera)
     return prior
@@ -173,7 +176,7 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
         side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
         return side - 1 + side % 2, side - 1 + side % 2
     columns = max(2 * extent + _COMPLETE, 24)
-    rows, entries = (_MIXTURE_ROWS, _MIXTURE_ENTRIES) if kind == "mixture" else (_ROWS, _ENTRIES)
+    rows, entries = _LARGEST_BLOCKS.get(kind, _LARGEST_BLOCKS["gaussian"])
     return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 

@@ -35,7 +35,8 @@ class Prior(ABC):
     with its article; ``learned_by``, the command that writes its file; ``dimensions`` of the arrays in its file;
     ``in_files``, its kind as files spell it, where that differs; ``argument``, by which decoders take it; ``of_views``,
     whether it is of light fields alone; ``of_rendered``, whether that of the rendered scenes is learned where none is
-    given; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
+    given; ``any_bands``, whether ``at(wavelengths, block)`` gives a Gaussian prior of
+    any bands; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
     priors of the same scenes; ``settings_of_views``, those of ``learn`` that light fields have otherwise.
     """
 
@@ -47,6 +48,7 @@ class Prior(ABC):
     argument: ClassVar[str] = "prior"
     of_views: ClassVar[bool] = False
     of_rendered: ClassVar[bool] = True
+    any_bands: ClassVar[bool] = False
     version: ClassVar[int] = 1
     stated: ClassVar[type[Attributes]] = Attributes
     settings_of_views: ClassVar[Mapping[str, Any]] = {}

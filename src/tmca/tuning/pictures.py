@@ -35,7 +35,10 @@ def before_after(prepared: FineTuning, folder: Path) -> Figure:
         prepared.camera.cpu(),
         Weights.load(folder),
     )
-    networks, prior = {"before": prepared.weights.network, "fine-tuned": tuned.network}, tuned.load_prior()
+    networks, prior = (
+        {"before": prepared.weights.network_for(prepared.camera), "fine-tuned": tuned.network_for(prepared.camera)},
+        tuned.load_prior(prepared.camera),
+    )
     estimates = {name: decoded(network, prior, pair, camera) for name, network in networks.items()}
     return TRAININGS[camera.kind].figure(estimates, pair.truth, camera)
 

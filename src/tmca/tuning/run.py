@@ -87,7 +87,7 @@ class FineTuning:
         fabric.barrier()
         data, weights = settings.data, self._tuned(folder)
         captures = Captures((*data.train, *data.validation), len(data.train), read, folder)
-        parts = (self.camera, weights.network, (self.camera.sensor,), weights.load_prior())
+        parts = (self.camera, weights.network_for(self.camera), (self.camera.sensor,), weights.load_prior(self.camera))
         simulated = TRAININGS[self.camera.kind].system(settings, *parts)
         system = TunedSystem(simulated, captures, data.patch, data.batch, settings.seed)
 

@@ -15,15 +15,18 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.likelihood import check_window, usual_window
 from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.spatial_angular import SpatialAngular
+from tmca.decoders.nets.subspace import SubspaceNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, camera_sizes
 from tmca.decoders.nets.unet import UNet, Unrolled
 from tmca.errors import SettingError, check_choice, check_range
 
-NETWORKS: dict[str, type[Network]] = {network.kind: network for network in (UNet, Unrolled, SpatialAngular)}
+NETWORKS: dict[str, type[Network]] = {
+    network.kind: network for network in (UNet, Unrolled, SpatialAngular, SubspaceNetwork)
+}
 
 
 def build_network(kind: str, **settings: Any) -> Network:
-    """A network by name: ``"unet"``, ``"unrolled"`` or ``"spatial-angular"``.
+    """A network by name: ``"unet"``, ``"unrolled"``, ``"spatial-angular"`` or ``"subspace"``.
 
     Args:
         kind: which one.

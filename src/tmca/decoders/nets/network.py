@@ -44,6 +44,8 @@ class Network(nn.Module):
     """
 
     kind: ClassVar[str]
+    any_bands: ClassVar[bool] = False
+    """Whether it serves cameras of any bands, codes and buckets, once ``at`` has told it the wavelengths."""
 
     def __init__(self, settings: dict[str, Any]) -> None:
         super().__init__()
@@ -55,6 +57,10 @@ class Network(nn.Module):
     def check(self, start: Tensor) -> None:
         """Raises ShapeError unless the first estimate has this network's bands."""
         check_shape("network", start, ("B", self.bands, "H", "W"))
+
+    def outputs(self, *given: Any) -> tuple[Tensor, ...]:
+        """The scene (B, L, H, W) and, of a network that predicts it, its standard deviation."""
+        return (self(*given),)
 
 
 def settings_of(arguments: dict[str, Any]) -> dict[str, Any]:

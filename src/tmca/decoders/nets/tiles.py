@@ -116,7 +116,8 @@ def first_estimate(
 
 
 class CollapsedNetwork:
-    """A network behind a collapsed camera: ``run(snapshot) -> (B, L, H, W)``, any height and width.
+    """A network behind a collapsed camera: ``run(snapshot) -> (B, L, H, W)``, any height and width; ``run.outputs`` of
+    the snapshot are that and, of a network that predicts it, its standard deviation.
 
     Args:
         network: trained.
@@ -146,21 +147,29 @@ class CollapsedNetwork:
         across = side if keeps_columns(operator) else width
         self.tiles = tiles(network, (height, width), (side, across))
 
-    @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
         """(B, 1, H, W') → (B, L, H, W)."""
+        return self.outputs(snapshot, progress)[0]
+
+    @torch.no_grad()
+    def outputs(self, snapshot: Tensor, progress: Progress | None = None) -> list[Tensor]:
+        """(B, 1, H, W') → (B, L, H, W) each."""
         start, begun = self.start(snapshot, part_of(progress, 0, _STARTED["collapsed"])), _STARTED["collapsed"]
         report = part_of(progress, begun, 1)
-        estimate = torch.empty_like(start)
+        whole: list[Tensor] = []
         for done, tile in enumerate(self.tiles, start=1):
             alone = zip(snapshot.split(1), start.split(1), strict=True)  # a batch would take as many times the memory
-            estimate[(..., *tile.place)] = torch.cat([self._tile(one, first, tile) for one, first in alone])
+            parts = [torch.cat(part) for part in zip(*(self._tile(*one, tile) for one in alone), strict=True)]
+            whole = whole or [torch.empty_like(start) for _ in parts]
+            for values, part in zip(whole, parts, strict=True):
+                values[(..., *tile.place)] = part
             report(done / len(self.tiles))
-        return estimate
+        return whole
 
-    def _tile(self, snapshot: Tensor, start: Tensor, tile: Tile) -> Tensor:
+    def _tile(self, snapshot: Tensor, start: Tensor, tile: Tile) -> list[Tensor]:
         light, part = window_of(self.operator, snapshot, tile)
-        return self.network(light, part, self.noise, start[(..., *tile.seen)])[(..., *tile.inner)]
+        outputs = self.network.outputs(light, part, self.noise, start[(..., *tile.seen)])
+        return [values[(..., *tile.inner)] for values in outputs]
 
 
 def window_of(operator: TapOperator, snapshot: Tensor, tile: Tile) -> tuple[Tensor, TapOperator]:

@@ -36,6 +36,8 @@ FORMATS = ("tmca weights 1", "tmca weights 2")
 """Of version 0.1, and of this one."""
 SHIPPED = {"spectral": ("static", "multiplexed")}
 """Files that come with the package by kind of camera: for one slot, and for several."""
+UNIVERSAL = "universal"
+"""Name of the weights that come with the package for spectral cameras of any bands, codes and buckets."""
 FOLDER = Path(tmca.__file__).parent / "weights"
 RENDERED = "rendered"
 """Name of the prior of the rendered scenes, which is in no file beside the weights."""
@@ -162,6 +164,9 @@ class Weights:
             OtherCodes: codes that it was not trained for and does not see.
         """
         self.check_kind(camera.kind)
+        if self.any_bands:
+            self.network_for(camera)
+            return
         if self.wavelengths and not same_bands(self.wavelengths, camera.wavelengths):
             found, wanted = _unlike_bands(self.wavelengths, camera.wavelengths)
             raise SettingError("weights", found, f"the camera's {wanted}", "train a network at the camera's bands")
@@ -176,6 +181,19 @@ class Weights:
             text = "" if fits else others
         if text:
             warn(text, OtherCodes, stacklevel=2)
+
+    @property
+    def any_bands(self) -> bool:
+        """Whether the network serves cameras of any bands, codes and buckets."""
+        return bool(getattr(self.network, "any_bands", False))
+
+    def network_for(self, camera: Any) -> Any:
+        """The network at the bands of a camera.
+
+        Raises:
+            SettingError: bands outside of what a network of any bands learned.
+        """
+        return self.network.at(camera.wavelengths) if self.any_bands else self.network
 
     def _check_optics(self, camera: Any) -> None:
         trained = self.camera
@@ -203,8 +221,11 @@ class Weights:
             name for name in one.attrs if name not in _NO_MATTER and one.attrs[name] != other.attrs[name]
         ]
 
-    def load_prior(self) -> Any:
+    def load_prior(self, camera: Any = None) -> Any:
         """The prior that the network starts from; None where it needs none.
+
+        Args:
+            camera: that a network of any bands shall serve; the one of the training by default.
 
         Raises:
             DataError: the file is gone.
@@ -212,7 +233,8 @@ class Weights:
         """
         if not self.prior:
             return None
-        kind, camera = "mixture" if self.network.start == "mixture" else "gaussian", self.camera
+        kind = "mixture" if self.network.start == "mixture" else "gaussian"
+        camera = self.camera if camera is None or not self.any_bands else camera
         block = block_of(camera, window=self.network.window) if isinstance(self.network, TwoHeadedUNet) else None
         beside = (Path() if self.path is None else self.path.parent) / self.prior
         return find_prior(camera, None if self.prior == RENDERED else beside, kind, block=block)
@@ -261,13 +283,14 @@ class Weights:
 
     @classmethod
     def find(cls, name: str | Path, slots: int = 8) -> Weights:
-        """Weights by their file or the folder of their run, or ``"default"``: those that come with the package for a
-        camera of as many slots; ``weights/README.md`` beside them says what they are.
+        """Weights by their file or the folder of their run, or those that come with the package: ``"default"`` for a
+        camera of as many slots, ``"universal"`` for any; ``weights/README.md`` beside them says what they are.
 
         Raises:
             DataError: no such file, or no weights of a camera in it.
         """
-        return cls.load(shipped_file(slots) if str(name) == "default" else name)
+        shipped = {"default": shipped_file(slots), UNIVERSAL: FOLDER / f"{UNIVERSAL}.safetensors"}
+        return cls.load(shipped.get(str(name), name))
 
 
 def shipped_file(slots: int) -> Path:

@@ -1,0 +1,145 @@
+"""Prior of scenes at any wavelengths: one Gaussian over wavelength and space, in the subspace of spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+import torch
+from torch import Tensor
+
+from tmca.errors import SettingError, ShapeError, check_range
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.prior import Prior
+from tmca.priors.statistics import FLOOR, checked_cubes, stationary_moments
+
+_NEAR = 1e-9  # metres
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SubspacePrior(Prior):
+    """Scenes as samples of one Gaussian over wavelength and space, for cameras of any bands within its range.
+
+    Spectra lie in a subspace of R dimensions that is known at L wavelengths and interpolated linearly between them;
+    ``at`` gives the `GaussianPrior` of a camera's bands, which equals the one that interpolated scenes teach, but for
+    what they have outside of the subspace.
+
+    Args:
+        mean: (L,) spectrum.
+        basis: (L, R) orthonormal spectra.
+        moments: (R, R, h, w) covariance of the components of two pixels by their distance in rows and columns.
+        wavelengths: of the L channels, ascending, in metres.
+        sources: names (and checksums) of the scenes it was learned from.
+    """
+
+    kind: ClassVar[str] = "subspace"
+    called: ClassVar[str] = "a prior of any bands"
+    any_bands: ClassVar[bool] = True
+    of_rendered: ClassVar[bool] = False
+    learned_by: ClassVar[str] = "`tmca prior learn --kind subspace`"
+    dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
+        "mean": ("channel",),
+        "basis": ("channel", "component"),
+        "autocovariance": ("component", "other_component", "dy", "dx"),
+    }
+    mean: Tensor
+    basis: Tensor
+    moments: Tensor
+    wavelengths: tuple[float, ...] = ()
+    sources: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        count, rank = len(self.mean), self.basis.shape[-1]
+        fits = self.basis.shape == (count, rank) and self.moments.ndim == 4 and self.moments.shape[:2] == (rank, rank)
+        if not fits or len(self.wavelengths) != count:
+            found = f"basis {tuple(self.basis.shape)}, moments {tuple(self.moments.shape)}"
+            raise ShapeError("prior", found, f"({count}, R) and (R, R, h, w), and {count} wavelengths")
+
+    @property
+    def block(self) -> tuple[int, int, int]:
+        return len(self.mean), self.moments.shape[2], self.moments.shape[3]
+
+    @classmethod
+    def learn(
+        cls,
+        cubes: Iterable[Tensor],
+        block: tuple[int, int] = (12, 122),
+        *,
+        rank: int = 16,
+        wavelengths: Sequence[float] | None = None,
+        sources: Sequence[str] = (),
+    ) -> Self:
+        """The prior of example cubes (L, H, W) at ``wavelengths`` in metres.
+
+        Args:
+            rank: dimensions of the subspace, those of most energy; L at most.
+
+        Raises:
+            SettingError: no wavelengths, or none that ascend.
+        """
+        check_range("rank", rank, 1)
+        if wavelengths is None:
+            raise SettingError("wavelengths", "none", "those of the examples", "name them in metres")
+        mean, moments = stationary_moments(checked_cubes(cubes, block), block, floor=0.0)
+        mean = mean[:, 0, 0]
+        _, vectors = torch.linalg.eigh(moments[:, :, 0, 0] + torch.outer(mean, mean))
+        basis = vectors.flip(1)[:, :rank]
+        inside = torch.einsum("ar,bs,abyx->rsyx", basis, basis, moments)
+        return cls(mean, basis, inside, tuple(float(v) for v in wavelengths), tuple(sources))
+
+    def at(self, wavelengths: Sequence[float], block: tuple[int, int] | None = None) -> GaussianPrior:
+        """The prior of blocks (h, w), its own or smaller ones, at other bands, in metres.
+
+        Raises:
+            SettingError: wavelengths outside of its range.
+        """
+        rows, columns = block or self.block[1:]
+        between = interpolation(wavelengths, torch.tensor(self.wavelengths).to(self.mean))
+        spectra, part = between @ self.basis, self.moments[:, :, :rows, :columns]
+        moments = torch.einsum("lr,ms,rsyx->lmyx", spectra, spectra, part)
+        moments[:, :, 0, 0] += FLOOR * torch.eye(len(moments)).to(moments)
+        mean = (between @ self.mean)[:, None, None].expand(-1, *part.shape[2:]).clone()
+        return GaussianPrior(mean, moments, tuple(wavelengths), self.sources)
+
+    def sample(self, count: int, seed: int) -> Tensor:
+        return self.at(self.wavelengths).sample(count, seed)
+
+    def figure(self) -> Any:
+        """Mean spectrum, basis, and how far components reach."""
+        return self.at(self.wavelengths, (4, 8)).figure()
+
+    def arrays(self) -> dict[str, Tensor]:
+        return {"mean": self.mean, "basis": self.basis, "autocovariance": self.moments.float()}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
+        prior = cls(arrays["mean"], arrays["basis"], arrays["autocovariance"], about["wavelengths"], about["sources"])
+        interpolation(prior.wavelengths, torch.tensor(prior.wavelengths))
+        prior.at(prior.wavelengths, (1, 1))
+        return prior
+
+
+def interpolation(wavelengths: Sequence[float], knots: Tensor) -> Tensor:
+    """(L, K) weights, float64, by which values at K ascending knots make values at L wavelengths, linear between them.
+
+    Args:
+        wavelengths, knots: metres.
+
+    Raises:
+        SettingError: wavelengths outside of the knots, or knots that do not ascend.
+    """
+    knots, places = knots.double(), torch.tensor(tuple(wavelengths), dtype=torch.float64).to(knots.device)
+    if len(knots) < 2 or not bool((knots.diff() > 0).all()):
+        raise SettingError("wavelengths", f"{len(knots)} that do not ascend", "two at least, ascending")
+    first, last = float(knots[0]), float(knots[-1])
+    if float(places.min()) < first - _NEAR or float(places.max()) > last + _NEAR:
+        found = f"bands from {float(places.min()) * 1e9:.4g} to {float(places.max()) * 1e9:.4g} nm"
+        wanted = f"{first * 1e9:.4g} to {last * 1e9:.4g} nm, where it was learned"
+        raise SettingError("wavelengths", found, wanted, "leave these bands out, or learn at them")
+    left = (torch.searchsorted(knots, places, right=True) - 1).clamp(0, len(knots) - 2)
+    share = ((places - knots[left]) / (knots[left + 1] - knots[left])).clamp(0, 1)
+    weights = places.new_zeros(len(places), len(knots))
+    rows = torch.arange(len(places))
+    weights[rows, left], weights[rows, left + 1] = 1 - share, share
+    return weights

@@ -1,0 +1,1 @@
+"""How the weights that come with tmca are made; ``train`` says how to run it."""

@@ -1,0 +1,255 @@
+"""The network and the prior that come with tmca for spectral cameras of any bands, codes, buckets and noise.
+
+On any machine with the data::
+
+    python -m studies.shipped.train pack ../shared/data/splits --out cubes
+
+writes ``cubes/{train,val}.xz`` and the prior of the training scenes. Then, where there is a graphics processor if
+possible (figures on the card say which)::
+
+    python -m studies.shipped.train fit cubes --device cuda --seconds 460 [--load state.pt]
+
+draws cameras and scenes for a part of the time, learns for the rest, and writes ``state.pt`` (below 16 MB) again and
+again; a next piece of ten minutes goes on from it. ::
+
+    python -m studies.shipped.train ship cubes --load state.pt --trained "8 minutes on one H100"
+
+writes the files that come with the package.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from studies.shipped.pool import KNOTS, Example, benchmark_camera, drawn_camera, example, gains
+from studies.shipped.scenes import read_cubes, write_cubes
+from tmca.cameras import SpectralCamera
+from tmca.decoders import Weights
+from tmca.decoders.nets.subspace import Moments, SubspaceNetwork
+from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
+from tmca.priors import SubspacePrior
+from tmca.sensor import Noise
+
+SETTINGS: dict[str, Any] = {"rank": 16, "stages": 3, "widths": (80, 112, 144), "blocks": 2, "gather": 2}
+BLOCK = (12, 122)
+"""Rows and columns of the prior: enough for 54 columns of dispersion."""
+_RATE, _WARM, _LAST = 1e-3, 100, 0.02
+_ROWS = 128
+"""Rows of a scene in a step; all its columns, along which light is dispersed."""
+_EARLY, _SPREAD = 0.3, 0.05
+"""Weights of the loss of stages before the last, and of that of the standard deviation."""
+_FLOOR = 1e-6
+_DARKEST = 1e-8
+SIZE = (256, 256)
+CAMERAS = {
+    "K = 8": ({"bands": 12, "slots": 8, "aperture": "random", "shutter": "random", "seed": 5}, Noise(0.01)),
+    "two buckets": (
+        {"bands": 12, "slots": 4, "aperture": "random", "shutter": "balanced", "buckets": 2, "seed": 6},
+        Noise(0.001),
+    ),
+}
+"""Cameras beside that of the benchmark on which validation scenes are decoded."""
+
+
+def loss_of(steps: Sequence[Moments], truth: Tensor) -> Tensor:
+    """Logarithm of the mean square error, which weighs dark scenes like bright ones, of the last stage and, less, of
+    those before; and the Gaussian likelihood of the errors under the standard deviation that is predicted."""
+    *early, last = [torch.log((one.estimate - truth).square().mean((1, 2, 3)) + _FLOOR).mean() for one in steps]
+    variance = steps[-1].deviation.square() + _DARKEST
+    error = (steps[-1].estimate.detach() - truth).square()
+    return last + _EARLY * sum(early) + _SPREAD * 0.5 * (error / variance + variance.log()).mean()
+
+
+class Average:
+    """Exponential moving average of a network's parameters."""
+
+    def __init__(self, network: SubspaceNetwork) -> None:
+        self.values = [one.detach().clone() for one in network.parameters()]
+        self.steps = 0
+
+    @torch.no_grad()
+    def update(self, network: SubspaceNetwork) -> None:
+        self.steps += 1
+        share = max(1e-3, 1 / (self.steps / 5 + 1))
+        torch._foreach_lerp_(self.values, [one.detach() for one in network.parameters()], share)
+
+    @torch.no_grad()
+    def swap(self, network: SubspaceNetwork) -> None:
+        """Exchange the parameters of a network with their average; a second time, back."""
+        for mine, its in zip(self.values, network.parameters(), strict=True):
+            held = its.detach().clone()
+            its.copy_(mine)
+            mine.copy_(held)
+
+
+class Fit:
+    """Training of one piece."""
+
+    def __init__(self, network: SubspaceNetwork, pool: list[Example], batch: int, seed: int) -> None:
+        self.network, self.pool, self.batch = network, pool, batch
+        self.average, self.rng = Average(network), np.random.default_rng((seed, 1))
+        self.optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=1e-4, betas=(0.9, 0.99))
+
+    def step(self, number: int, done: float) -> Tensor:
+        """One step when a share of the time is ``done``; the gain of the batch over its first estimates, dB."""
+        rate = _RATE * min(1, (number + 1) / _WARM) * (_LAST + (1 - _LAST) * 0.5 * (1 + math.cos(math.pi * done)))
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        one = self.pool[self.rng.integers(len(self.pool))]
+        height, device = one.scenes.shape[2], one.scenes.device
+        top = 4 * int(self.rng.integers(max(0, height - _ROWS) // 4 + 1))
+        chosen = self.rng.choice(len(one.scenes), min(self.batch, len(one.scenes)), replace=False)
+        truth, snapshot, operator, start = one.part(slice(top, top + _ROWS), torch.from_numpy(chosen).to(device))
+        steps = list(self.network.at(one.wavelengths).steps(snapshot, operator, one.noise, start))
+        self.optimiser.zero_grad(set_to_none=True)
+        loss_of(steps, truth).backward()
+        norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        if torch.isfinite(norm):
+            self.optimiser.step()
+        self.average.update(self.network)
+        errors = [(part - truth).square().mean((1, 2, 3)) for part in (start, steps[-1].estimate.detach())]
+        return 10 * torch.log10(errors[0] / errors[1]).mean()
+
+
+def fit(folder: Path, out: Path, device: torch.device, seconds: float, how: argparse.Namespace) -> None:
+    """Draw examples, then learn until the time is over."""
+    begun = time.perf_counter()
+    cubes, held_out = read_cubes(folder / "train.xz"), read_cubes(folder / "val.xz")
+    about = torch.load(folder / "about.pt", weights_only=True)
+    prior = learned(cubes, device)
+    rng, size = np.random.default_rng(how.seed), (how.size, how.size)
+    mask = about["mask"][: how.size, : how.size]
+    kinds = {"benchmark": benchmark_camera(mask)}
+    kinds |= {name: (SpectralCamera(size=size, **given), noise) for name, (given, noise) in CAMERAS.items()}
+    checked = {name: example(*one, held_out, prior, rng, 0, device) for name, one in kinds.items()}
+    network = restored(prior, how.load).to(device)
+    network.to(memory_format=torch.channels_last)
+    if device.type == "cuda":
+        torch.backends.cudnn.benchmark = True
+        network.body.forward = torch.autocast("cuda", torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]
+    pool: list[Example] = []
+    while len(pool) < how.cameras and time.perf_counter() - begun < how.drawing:
+        one = benchmark_camera(mask) if rng.random() < how.benchmark or not pool else drawn_camera(rng, size)
+        pool.append(example(*one, cubes, prior, rng, how.scenes, device))
+    report(f"{len(pool)} cameras of {how.scenes} scenes, {time.perf_counter() - begun:.0f} s")
+    learn(Fit(network, pool, how.batch, how.seed), checked, begun + seconds, lambda: save(network, prior, out))
+
+
+def learn(fit: Fit, checked: dict[str, Example], end: float, store: Callable[[], None]) -> None:
+    """Steps until the time ``end``; every now and then validation figures, and the state stored."""
+    begun, number, recent = time.perf_counter(), 0, []
+    every, shown = max(30.0, (end - begun) / 10), begun
+    while (now := time.perf_counter()) < end:
+        recent.append(fit.step(number, (now - begun) / (end - begun)))
+        number += 1
+        if now - shown > every or number == 20:
+            shown = now
+            figures(fit, checked, f"step {number}, training {float(torch.stack(recent).mean()):+.2f} dB", store)
+            recent.clear()
+    figures(fit, checked, f"step {number}, the end", store)
+
+
+@torch.no_grad()
+def figures(fit: Fit, checked: dict[str, Example], when: str, store: Callable[[], None]) -> None:
+    """Report the averaged network on validation scenes, and store it."""
+    fit.average.swap(fit.network)
+    every = {name: gains(fit.network, one) for name, one in checked.items()}
+    shown = [f"{name} " + " ".join(f"{a:.2f}{b:+.2f}" for a, b in rows) for name, rows in every.items()]
+    report(" | ".join((when, *shown)))
+    store()
+    fit.average.swap(fit.network)
+
+
+def learned(cubes: Sequence[Tensor], device: torch.device) -> SubspacePrior:
+    """The prior of the training scenes."""
+    cubes = [cube.double().to(device) for cube in cubes]
+    return SubspacePrior.learn(cubes, BLOCK, rank=SETTINGS["rank"], wavelengths=KNOTS.tolist())
+
+
+def restored(prior: SubspacePrior, state: Path | None) -> SubspaceNetwork:
+    """A network that begins in the subspace of the prior, or goes on from a state."""
+    network = SubspaceNetwork(**SETTINGS)
+    mean, basis = prior.mean.cpu(), prior.basis.cpu()
+    own = prior.moments[:, :, 0, 0].diagonal().cpu() + (mean @ basis).square()
+    network.basis.copy_(basis * own.sqrt())
+    if state is not None:
+        network.load_state_dict(torch.load(state, weights_only=True)["network"])
+    return network
+
+
+def save(network: SubspaceNetwork, prior: SubspacePrior, out: Path) -> None:
+    """Write the state."""
+    state = {name: value.cpu() for name, value in network.state_dict().items()}
+    torch.save({"network": state}, out / "state.pt")
+
+
+def report(text: str) -> None:
+    print(text, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    packing = commands.add_parser("pack")
+    packing.add_argument("splits", type=Path)
+    packing.add_argument("--out", type=Path, default=Path("cubes"))
+    fitting = commands.add_parser("fit")
+    fitting.add_argument("folder", type=Path)
+    fitting.add_argument("--out", type=Path, default=Path())
+    fitting.add_argument("--device", default="cpu")
+    fitting.add_argument("--load", type=Path, default=None)
+    numbers = {"seconds": 600.0, "drawing": 70.0, "cameras": 64, "scenes": 16, "batch": 4, "benchmark": 0.3}
+    for name, value in {**numbers, "seed": 0, "size": SIZE[0]}.items():
+        fitting.add_argument(f"--{name}", type=type(value), default=value)
+    shipping = commands.add_parser("ship")
+    shipping.add_argument("folder", type=Path)
+    shipping.add_argument("--load", type=Path, required=True)
+    shipping.add_argument("--trained", required=True)
+    how = parser.parse_args()
+    if how.command == "pack":
+        pack(how.splits, how.out)
+    elif how.command == "ship":
+        ship(how.folder, how.load, how.trained)
+    else:
+        fit(how.folder, how.out, torch.device(how.device), how.seconds, how)
+
+
+def ship(folder: Path, state: Path, trained: str) -> None:
+    """Write network and prior into the package."""
+    prior = learned(read_cubes(folder / "train.xz"), torch.device("cpu"))
+    names = torch.load(folder / "about.pt", weights_only=True)["train"]
+    replace(prior, sources=tuple(names)).save(FOLDER / f"{UNIVERSAL}-prior.nc", overwrite=True)
+    card = {"trained": trained, "scenes": list(names), "recipe": "studies/shipped/train.py"}
+    camera = SpectralCamera(KNOTS.tolist(), (16, 16), 1, aperture="static", shutter="open")
+    weights = Weights.of(restored(prior, state), camera, f"{UNIVERSAL}-prior.nc", card)
+    weights.save(FOLDER / f"{UNIVERSAL}.safetensors", overwrite=True)
+
+
+def pack(splits: Path, out: Path) -> None:
+    """Write the cubes and the mask of the benchmark."""
+    from scipy.io import loadmat
+
+    from tmca.data import read
+
+    out.mkdir(parents=True, exist_ok=True)
+    about: dict[str, Any] = {}
+    for split in ("train", "val"):
+        about[split] = names = (splits / f"cave_{split}.txt").read_text().split()
+        scenes = [read(splits.parent / name, wavelengths=KNOTS) for name in names]
+        write_cubes([torch.from_numpy(scene.values.astype(np.float32)) for scene in scenes], out / f"{split}.xz")
+    mask = loadmat(splits.parent / "cassi/tsa/mask_256_sim.mat")["mask"].astype(np.float32)
+    torch.save({**about, "mask": torch.from_numpy(mask)}, out / "about.pt")
+
+
+if __name__ == "__main__":
+    main()
