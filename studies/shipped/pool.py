@@ -19,11 +19,9 @@ from tmca.priors import SubspacePrior, block_of, interpolation
 from tmca.sensor import Noise
 
 KNOTS = 1e-9 * np.linspace(400, 700, 31)
-TSA = 1e-9 * np.array(
-    "453.3 457.6 462.1 466.8 471.6 476.5 481.6 486.9 492.4 498.0 503.9 509.9 516.2 522.7 529.5 536.5 543.8 551.4 558.6 "
-    "567.5 575.3 584.3 594.4 604.2 614.4 625.1 636.3 648.1".split(),
-    dtype=float,
-)
+_BANDS = [453.3, 457.6, 462.1, 466.8, 471.6, 476.5, 481.6, 486.9, 492.4, 498.0, 503.9, 509.9, 516.2, 522.7]
+_BANDS += [529.5, 536.5, 543.8, 551.4, 558.6, 567.5, 575.3, 584.3, 594.4, 604.2, 614.4, 625.1, 636.3, 648.1]
+TSA = 1e-9 * np.array(_BANDS)
 """Bands of the usual simulation benchmark (Meng, Ma and Yuan 2020), metres."""
 QUIET = 5e-4
 """Read noise that first estimates assume at least, as where the network is used."""

@@ -44,7 +44,7 @@ def drawn_scene(cubes: Sequence[Tensor], rng: np.random.Generator) -> Tensor:
 
 
 def _turned(cubes: Sequence[Tensor], rng: np.random.Generator) -> Tensor:
-    cube = cubes[rng.integers(len(cubes))]
+    cube = cubes[int(rng.integers(len(cubes)))]
     for axis in (1, 2):
         cube = cube.flip(axis) if rng.random() < 0.5 else cube
     return cube.transpose(1, 2) if rng.random() < 0.5 else cube

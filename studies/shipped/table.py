@@ -19,11 +19,12 @@ from scipy.io import loadmat
 from scipy.stats import spearmanr
 from torch import Tensor
 
-from studies.shipped.pool import TSA, decibels
+from studies.shipped.pool import KNOTS, TSA, decibels
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read
 from tmca.decoders import decode
 from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
+from tmca.priors import interpolation
 from tmca.sensor import Sensor
 
 TILED = {"aperture": "random", "period": 32}
@@ -49,15 +50,23 @@ def cameras(data: Path) -> dict[str, dict[str, Any]]:
     return {**rows, "20 bands, two buckets, K = 6, 1.3 px a band, 35 % open, σ = 0.005": unseen}
 
 
+def at_bands(file: Path, camera: SpectralCamera) -> Tensor:
+    """(L, H, W) a cube of the `KNOTS`, linear between them."""
+    cube = torch.from_numpy(read(file, wavelengths=KNOTS).values.astype(np.float32))
+    return torch.einsum("lk,khw->lhw", interpolation(camera.wavelengths, torch.from_numpy(KNOTS)).float(), cube)
+
+
 def row(camera: SpectralCamera, scene: Tensor, name: str) -> dict[str, float]:
     """Figures of one scene (L, H, W)."""
     snapshot = Snapshot(camera(scene[None], generator=0), camera, {"scene": name})
     figures, prior = {}, FOLDER / f"{UNIVERSAL}-prior.nc"
-    for label, how in {"lmmse": {}, "network": {"weights": UNIVERSAL}}.items():
+    decoders: dict[str, dict[str, Any]] = {"lmmse": {"prior": prior}, "network": {"weights": UNIVERSAL}}
+    for label, given in decoders.items():
         begun = time.process_time()
-        estimate = decode(snapshot, label, prior=None if how else prior, **how)
+        estimate = decode(snapshot, label, **given)
         figures[f"{label}_seconds"] = time.process_time() - begun
         figures[label] = float(decibels(estimate.values, scene[None])[0])
+    assert estimate.deviation is not None
     return figures | certainty(estimate.values[0], estimate.deviation[0], scene)
 
 
@@ -79,8 +88,7 @@ def main() -> None:
     for name, settings in cameras(how.data).items():
         for file in (how.data / "splits" / f"{how.split}.txt").read_text().split():
             camera = SpectralCamera(size=(256, 256), **settings)
-            cube = read(how.data / file, wavelengths=list(camera.wavelengths))
-            scene = torch.from_numpy(cube.values.astype(np.float32))
+            scene = at_bands(how.data / file, camera)
             rows.append({"camera": name, "scene": Path(file).stem, **row(camera, scene, Path(file).stem)})
             print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
             how.out.write_text(json.dumps(rows, ensure_ascii=False, indent=1))

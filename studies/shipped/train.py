@@ -51,7 +51,7 @@ _EARLY, _SPREAD = 0.3, 0.05
 _FLOOR = 1e-6
 _DARKEST = 1e-8
 SIZE = (256, 256)
-CAMERAS = {
+CAMERAS: dict[str, tuple[dict[str, Any], Noise]] = {
     "K = 8": ({"bands": 12, "slots": 8, "aperture": "random", "shutter": "random", "seed": 5}, Noise(0.01)),
     "two buckets": (
         {"bands": 12, "slots": 4, "aperture": "random", "shutter": "balanced", "buckets": 2, "seed": 6},
@@ -133,7 +133,7 @@ def fit(folder: Path, out: Path, device: torch.device, seconds: float, how: argp
     kinds |= {name: (SpectralCamera(size=size, **given), noise) for name, (given, noise) in CAMERAS.items()}
     checked = {name: example(*one, held_out, prior, rng, 0, device) for name, one in kinds.items()}
     network = restored(prior, how.load).to(device)
-    network.to(memory_format=torch.channels_last)
+    network = network.to(memory_format=torch.channels_last)
     if device.type == "cuda":
         torch.backends.cudnn.benchmark = True
         network.body.forward = torch.autocast("cuda", torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]

@@ -1,53 +1,131 @@
-"""The denoiser in a cube's own spectral subspace."""
+"""One network for cameras of any bands, and the one that comes with the package."""
 
+import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import decode
-from tmca.decoders.pnp import subspace, subspace_denoiser
-from tmca.sensor import Sensor
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
+from tmca.data import rendered_scene
+from tmca.decoders import Weights, decode
+from tmca.decoders.nets.build import restore_network
+from tmca.decoders.nets.subspace import SubspaceNetwork
+from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
+from tmca.errors import SettingError, ShapeError
+from tmca.operators import TapOperator
+from tmca.priors import interpolation
+from tmca.sensor import Noise, Sensor
+
+SMALL = {"rank": 3, "widths": [8], "blocks": 1, "stages": 2}
+PRIOR = FOLDER / f"{UNIVERSAL}-prior.nc"
 
 
-def low_rank(rank, bands=9, size=(14, 15), seed=0):
-    generator = torch.Generator().manual_seed(seed)
-    spectra = torch.rand(bands, rank, generator=generator)
-    return torch.einsum("lr,rhw->lhw", spectra, torch.rand(rank, *size, generator=generator))
+def small(seed: int = 0) -> SubspaceNetwork:
+    """A network whose layers answer something."""
+    torch.manual_seed(seed)
+    network = SubspaceNetwork(**SMALL)
+    torch.nn.init.normal_(network.body.leave.weight, std=0.05)
+    network.basis.copy_(torch.rand(network.basis.shape))
+    return network.eval()
 
 
-def test_the_basis_is_that_of_the_singular_vectors():
-    cube = low_rank(3) + 0.01 * torch.rand(9, 14, 15)
-    basis = subspace(cube, 3)
-    torch.testing.assert_close(basis.T @ basis, torch.eye(3))
-    singular = torch.linalg.svd(cube.flatten(1), full_matrices=False)[0][:, :3]
-    torch.testing.assert_close(basis @ basis.T, singular @ singular.T, atol=1e-4, rtol=0)
+def camera(bands: int = 4, **settings) -> SpectralCamera:
+    lengths = (1e-9 * np.linspace(430, 680, bands)).tolist()
+    return SpectralCamera(lengths, (13, 18), **{"slots": 3, **settings})
 
 
-@pytest.mark.parametrize("rank", [3, 5, 20])
-def test_a_cube_of_few_spectra_passes_unchanged(rank):
-    cubes = torch.stack([low_rank(3), low_rank(2, seed=1)])
-    nothing = subspace_denoiser(lambda components, sigma: components, rank)
-    torch.testing.assert_close(nothing(cubes, 0.1), cubes, atol=1e-4, rtol=0)
+def seen(one: SpectralCamera):
+    scene = torch.rand(2, one.bands, *one.size, generator=torch.Generator().manual_seed(1))
+    operator = TapOperator(one.taps())
+    return operator.A(scene), operator, Noise(0.01), 0.9 * scene
 
 
-def test_noise_outside_the_subspace_is_gone():
-    cube, bands, rank = low_rank(2, 20, (60, 61)), 20, 2
-    noisy = cube + 0.05 * torch.randn(cube.shape, generator=torch.Generator().manual_seed(3))
-    found = subspace_denoiser(lambda components, sigma: components, rank)(noisy[None], 0.05)[0]
-    left = float((found - cube).square().mean() / (noisy - cube).square().mean())
-    assert left == pytest.approx(rank / bands, rel=0.15)
+@pytest.mark.parametrize(
+    "settings", [{}, {"buckets": 2, "shutter": "balanced", "slots": 4}, {"disperser": "dual"}, {"dispersion": 1.5}]
+)
+@pytest.mark.parametrize("bands", [1, 4, 40])
+def test_one_network_serves_any_bands_codes_and_buckets(bands, settings):
+    one = camera(bands, **settings)
+    given, network = seen(one), small().at(one.wavelengths)
+    estimate, deviation = network.moments(*given)
+    assert estimate.shape == deviation.shape == (2, bands, 13, 18)
+    assert (deviation > 0).all()
+    alone = network(*(part[1:] if isinstance(part, torch.Tensor) else part for part in given))
+    torch.testing.assert_close(alone, estimate[1:], atol=1e-5, rtol=1e-4)
 
 
-@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
-def test_a_scene_of_few_spectra_is_recovered_better_than_by_total_variation(exposure):
-    spectra, places = torch.rand(12, 2, generator=torch.Generator().manual_seed(1)), torch.zeros(2, 40, 41)
-    places[0, 8:30, 5:25], places[1, 15:35, 18:38] = 0.6, 0.4
-    scene = torch.einsum("lr,rhw->lhw", spectra, places)[None]
-    camera = SpectralCamera(bands=12, size=(40, 41), slots=4, exposure=exposure, sensor=Sensor(read_noise=0.02), seed=2)
-    torch.manual_seed(0)
-    snapshot = Snapshot(camera(scene), camera)
-    error = {
-        name: float((decode(snapshot, name).estimate - scene).norm()) for name in ("pnp-subspace", "admm-tv-joint")
-    }
-    assert error["pnp-subspace"] < 0.8 * error["admm-tv-joint"]
-    assert error["pnp-subspace"] < 0.2 * float(scene.norm())
+def test_what_it_adds_lies_in_the_subspace_at_the_cameras_bands():
+    one = camera(6)
+    network = small().at(one.wavelengths)
+    given = seen(one)
+    added = network(*given) - given[-1]
+    between = interpolation(one.wavelengths, network.knots.double() * 1e-9).float() @ network.basis
+    spectra = added.transpose(0, 1).flatten(1)
+    outside = spectra - between @ torch.linalg.lstsq(between, spectra).solution
+    assert added.abs().max() > 1e-3
+    assert outside.abs().max() < 1e-4 * added.abs().max()
+
+
+def test_a_network_at_other_bands_shares_its_layers():
+    network = small()
+    there, elsewhere = network.at([500e-9, 600e-9]), network.at([450e-9])
+    assert there.body is elsewhere.body is network.body
+    assert (there.bands, elsewhere.bands) == (2, 1)
+    assert there.spectra.shape == (2, 3) and elsewhere.spectra.shape == (1, 3)  # noqa: PT018
+    assert there.state_dict().keys() == network.state_dict().keys()
+
+
+def test_it_comes_back_from_its_settings_and_weights():
+    network, one = small(), camera(5)
+    again = restore_network("subspace", network.settings, network.state_dict())
+    given = seen(one)
+    assert torch.equal(again.at(one.wavelengths)(*given), network.at(one.wavelengths)(*given))
+
+
+def test_wavelengths_beyond_its_range_are_refused():
+    with pytest.raises(SettingError, match="400 to 700 nm"):
+        small().at([380e-9, 500e-9])
+    with pytest.raises(ShapeError, match="network"):
+        small().at([500e-9])(*seen(camera(2)))
+
+
+@pytest.mark.parametrize("wrong", [{"rank": 0}, {"stages": 0}, {"knots": 1}, {"start": "nothing"}])
+def test_impossible_sizes_are_refused(wrong):
+    with pytest.raises(SettingError):
+        SubspaceNetwork(**{**SMALL, **wrong})
+
+
+def scene_of(one: SpectralCamera) -> torch.Tensor:
+    cube = rendered_scene("coffee", wavelengths=list(one.wavelengths), size=one.size)["radiance"]
+    return torch.from_numpy(cube.values.astype(np.float32))[None]
+
+
+def decibels(estimate: torch.Tensor, scene: torch.Tensor) -> float:
+    return float(-10 * torch.log10((estimate.clamp(0, 1) - scene).square().mean()))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"bands": 12, "slots": 1, "aperture": "static", "shutter": "open"},
+        {"bands": 12, "slots": 4, "shutter": "balanced", "buckets": 2, "sensor": Sensor(read_noise=0.01)},
+        {"bands": (1e-9 * np.linspace(450, 650, 9)).tolist(), "slots": 8, "sensor": Sensor(read_noise=0.01)},
+    ],
+)
+def test_the_one_that_comes_with_the_package_is_better_than_its_first_estimate(settings):
+    one = SpectralCamera(size=(64, 72), period=16, seed=3, **settings)
+    scene = scene_of(one)
+    snapshot = Snapshot(one(scene, generator=0), one, {"scene": "coffee"})
+    first, estimate = decode(snapshot, "lmmse", prior=PRIOR), decode(snapshot, "network", weights=UNIVERSAL)
+    assert decibels(estimate.values, scene) > decibels(first.values, scene) + 0.3
+    within = (estimate.values - scene).abs() <= 2 * estimate.deviation
+    assert 0.5 < float(within.float().mean()) <= 1
+
+
+def test_it_serves_spectral_cameras_within_its_range_alone():
+    weights = Weights.find(UNIVERSAL)
+    with pytest.raises(SettingError, match="400 to 700 nm"):
+        weights.check(SpectralCamera([300e-9, 500e-9], (16, 16)))
+    with pytest.raises(SettingError, match="spectral"):
+        weights.check(LightFieldCamera(views=3, size=(16, 16)))
+    with pytest.raises(SettingError, match="brings none"):
+        weights.camera_for((16, 16))

@@ -84,6 +84,7 @@ class CameraChoice:
         slots = getattr(spec, "slots", None) if spec.has("slots") else None
         weights = Weights.find(name, slots or 8)
         weights.check_kind(spec.kind)
+        weights.check_codes()
         if slots not in (None, weights.slots):
             raise SettingError("slots", f"{slots}", f"{weights.slots}, as these weights have", "leave it out")
         return weights

@@ -49,8 +49,9 @@ def reconstruct(
             or network.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
-        weights: of a network: a file or run of `tmca train`, or default, which comes with tmca (spectral, 12 bands);
-            the decoder is then network.
+        weights: of a network: a file or run of `tmca train`; or one that comes with tmca for spectral snapshots:
+            universal (any bands from 400 to 700 nm, any codes, one bucket or two) or default (12 bands, learned
+            codes); the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then cached).
         set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
@@ -58,7 +59,8 @@ def reconstruct(
             in digital numbers need one.
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture).
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture); the universal network always
+            does.
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is

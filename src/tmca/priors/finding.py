@@ -65,7 +65,7 @@ def find_prior(
     if given is None:
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
-    if getattr(prior, "any_bands", False) and kind == "gaussian" and camera.views is None:
+    if isinstance(prior, Prior) and prior.any_bands and kind == "gaussian" and camera.views is None:
         prior = prior.at(camera.wavelengths, block or block_of(camera, prior.kind))
     check_kind(prior, kind)
     prior.check(camera)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import prod
 from pathlib import Path
@@ -104,6 +104,10 @@ class Prior(ABC):
     @abstractmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         """The prior of a file that says this about it; KeyError or ValueError where it is damaged."""
+
+    def at(self, wavelengths: Sequence[float], block: tuple[int, int]) -> Prior:
+        """The Gaussian prior of blocks (h, w) at other bands, of a prior of ``any_bands``; itself, of any other."""
+        return self
 
     def check(self, camera: Any) -> None:
         """Whether it is one of the scenes that a camera sees.

@@ -68,6 +68,11 @@ class SubspaceNetwork(Network):
     """
 
     kind, any_bands = "subspace", True
+    knots: Tensor
+    basis: Tensor
+    spectra: Tensor
+    inverse: Tensor
+    shapes: Tensor
 
     def __init__(
         self,

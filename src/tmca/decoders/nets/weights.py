@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,8 +24,9 @@ from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
+from tmca.decoders.nets.weights_0_1 import of_version_0_1
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
-from tmca.optics import DepthPlanes, PhaseAttributes, check_stated, restored_maps
+from tmca.optics import DepthPlanes
 from tmca.priors import block_of, find_prior
 from tmca.stored_numbers import check_finite
 
@@ -140,7 +141,9 @@ class Weights:
 
         Raises:
             ShapeError: codes without a period have another size.
+            SettingError: a network of any codes.
         """
+        self.check_codes()
         wanted = self.size if size is None else tuple(size)
         if wanted != self.size and self.period is None:
             found = f"codes of {self.size[0]}×{self.size[1]} pixels that do not repeat"
@@ -153,6 +156,12 @@ class Weights:
         if self.kind != kind:
             wanted = f"those of a {kind} camera"
             raise SettingError("weights", f"those of a {self.kind} camera", wanted, "name other weights")
+
+    def check_codes(self) -> None:
+        """Raises SettingError where they bring no codes, as those of a network that serves any."""
+        if self.any_bands:
+            found, remedy = "a network of any codes, which brings none", "name codes, and take it to reconstruct"
+            raise SettingError("weights", found, "those of a trained camera", remedy)
 
     def check(self, camera: Any) -> None:
         """Whether the network decodes snapshots of a camera.
@@ -274,7 +283,7 @@ class Weights:
             arrays = {name: tensors.pop(name).numpy() for name in list(tensors) if "." not in name}
             weights = {name.removeprefix("network."): v.float() for name, v in tensors.items()}
             restored = restore_network(network.kind, network.settings, weights)
-            variables = _variables(about.camera, arrays) if about.network else _of_version_0_1(about, arrays, path)
+            variables = _variables(about.camera, arrays) if about.network else of_version_0_1(about, arrays, path)
         except (KeyError, ValueError, TypeError, RuntimeError, IndexError) as error:
             found = f"tensors that do not fit its network or camera ({reason(error)})"
             raise DataError(path, found, "whole weights") from error
@@ -341,10 +350,6 @@ class _Sized(Attributes):
     size: Json[Frame]
 
 
-class _Sized01(Attributes):
-    size: Frame
-
-
 class _Variable(Attributes):
     dims: tuple[str, ...]
     attrs: dict[str, FiniteJson]
@@ -390,34 +395,3 @@ def _variables(described: dict[str, Any], arrays: dict[str, np.ndarray]) -> xr.D
     )
     check_choice("camera", said.attrs.get("camera"), [*CAMERAS])
     return xr.Dataset(variables, coords, said.attrs)
-
-
-def _of_version_0_1(about: _WeightsAttributes, arrays: dict[str, np.ndarray], path: Path) -> xr.Dataset:
-    """The same of a file of version 0.1: arguments of the camera as JSON values, its codes as tensors."""
-    kind, where = about.application, str(path)
-    check_choice("camera", kind, _ARGUMENTS_0_1)
-    attributes_of(_Sized01, about.camera, path)
-    settings: dict[str, Any] = {name: torch.from_numpy(values.astype(np.float32)) for name, values in arrays.items()}
-    settings = _ARGUMENTS_0_1[kind]({**settings, **about.camera}, about, where)
-    return CAMERAS[kind](**settings, slots=len(settings["shutter"])).variables(tiled=True)
-
-
-def _masks_of_version_0_1(settings: dict[str, Any], about: _WeightsAttributes, where: str) -> dict[str, Any]:
-    given = {name: value for name, value in settings.items() if name != "slots"}
-    (near, far), texts = given["depth"], {name: json.dumps(given.get(name)) for name in ("bench", "stroke")}
-    planes = json.dumps({"near": near, "far": far, "count": given["planes"]})
-    stated = attributes_of(PhaseAttributes, {**given, **texts, "depth": planes}, where)
-    given.pop("stroke", None)
-    family = {str(name): given.pop(name) for name in ("coefficients", "noll", "radii") if name in given}
-    heights = given.pop("heights")
-    check_stated(stated, heights.shape, len(given["bands"]), where)
-    given |= {"mask": restored_maps(heights, family, stated.stroke), "bench": stated.bench}
-    return given | {"channels": given.pop("response"), "cells": given["cells"].long()}
-
-
-_ARGUMENTS_0_1: dict[str, Callable[[dict[str, Any], _WeightsAttributes, str], dict[str, Any]]] = {
-    "spectral": lambda settings, about, where: {**settings, "bands": about.wavelengths},
-    "light-field": lambda settings, about, where: settings,
-    "spectral-depth": _masks_of_version_0_1,
-}
-"""Arguments of the cameras of version 0.1 from what their files hold."""

@@ -1,0 +1,78 @@
+"""A prior of any bands."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.errors import SettingError, ShapeError
+from tmca.priors import GaussianPrior, SubspacePrior, find_prior, interpolation
+
+KNOTS = tuple(1e-9 * v for v in (400.0, 450.0, 520.0, 600.0, 700.0))
+
+
+def cubes(seed: int = 0) -> list[Tensor]:
+    noise = torch.rand(2, len(KNOTS), 17, 24, generator=torch.Generator().manual_seed(seed), dtype=torch.float64)
+    return list(noise.cumsum(1).cumsum(3) / 60)
+
+
+def test_values_between_knots_lie_on_a_line():
+    lengths = [400e-9, 430e-9, 560e-9, 700e-9]
+    weights = interpolation(lengths, torch.tensor(KNOTS))
+    assert torch.allclose(weights @ torch.tensor(KNOTS, dtype=torch.float64), torch.tensor(lengths).double())
+    assert torch.allclose(weights.sum(1), torch.ones(4).double())
+    assert ((weights > 0).sum(1) <= 2).all()
+
+
+@pytest.mark.parametrize("lengths", [[390e-9, 500e-9], [500e-9, 710e-9]])
+def test_wavelengths_beyond_what_was_learned_are_refused(lengths):
+    prior = SubspacePrior.learn(cubes(), (3, 7), rank=2, wavelengths=KNOTS)
+    with pytest.raises(SettingError, match="400 to 700 nm, where it was learned") as refusal:
+        prior.at(lengths)
+    assert refusal.value.where == "wavelengths"
+
+
+def test_knots_ascend():
+    with pytest.raises(SettingError, match="ascend"):
+        interpolation([500e-9], torch.tensor([400e-9, 400e-9, 700e-9]))
+
+
+@pytest.mark.parametrize("lengths", [[410e-9, 500e-9, 650e-9], [*KNOTS], [450e-9]])
+def test_with_all_dimensions_it_is_what_interpolated_scenes_teach(lengths):
+    prior = SubspacePrior.learn(cubes(), (4, 9), rank=5, wavelengths=KNOTS)
+    weights = interpolation(lengths, torch.tensor(KNOTS))
+    moved = [torch.einsum("lk,khw->lhw", weights, cube) for cube in cubes()]
+    wanted = GaussianPrior.learn(moved, (4, 9), wavelengths=lengths)
+    ours = prior.at(lengths)
+    torch.testing.assert_close(ours.mean, wanted.mean)
+    torch.testing.assert_close(ours.moments, wanted.moments)
+    smaller = prior.at(lengths, (2, 5))
+    assert smaller.block == (len(lengths), 2, 5)
+    assert torch.equal(smaller.moments, ours.moments[:, :, :2, :5])
+
+
+def test_fewer_dimensions_leave_a_covariance_of_blocks():
+    covariance = SubspacePrior.learn(cubes(), (3, 5), rank=2, wavelengths=KNOTS).at([420e-9, 480e-9, 690e-9]).covariance
+    assert torch.linalg.eigvalsh(covariance).min() > 0
+
+
+def test_a_camera_of_any_bands_finds_its_prior(tmp_path):
+    file = SubspacePrior.learn(cubes(), (6, 24), rank=3, wavelengths=KNOTS, sources=["noise"]).save(tmp_path / "any.nc")
+    for lengths, slots in (([450e-9, 500e-9], 2), ([400e-9, 550e-9, 700e-9], 1)):
+        camera = SpectralCamera(lengths, (9, 30), slots)
+        prior = find_prior(camera, file)
+        assert isinstance(prior, GaussianPrior)
+        assert prior.wavelengths == tuple(lengths)
+        assert prior.block == (len(lengths), 6, 24)
+        assert prior.sources == ("noise",)
+    with pytest.raises(SettingError, match="a prior of any bands, expected a mixture|any bands.*mixture"):
+        find_prior(camera, file, "mixture")
+    with pytest.raises(SettingError, match="a prior of any bands"):
+        find_prior(LightFieldCamera(views=3, size=(16, 16), slots=1), file)
+
+
+def test_it_is_not_learned_without_wavelengths():
+    with pytest.raises(SettingError, match="wavelengths"):
+        SubspacePrior.learn(cubes(), (3, 3))
+    with pytest.raises(ShapeError):
+        SubspacePrior(torch.zeros(3), torch.eye(3, 2), torch.zeros(2, 2, 1, 1), (400e-9, 500e-9))
