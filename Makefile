@@ -1,8 +1,9 @@
 # Every target sets up what it needs: a virtual environment in .venv, made once.
 PYTHON ?= python3
+DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint fuzz kills benchmarks clean
+.PHONY: demo test test-all lint fuzz kills benchmarks train-shipped clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -37,6 +38,15 @@ benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral_depth.py
 	.venv/bin/python benchmarks/realtime.py
 	.venv/bin/python benchmarks/training.py
+
+# Ten minutes of training of the network that comes with the package; run again, it goes on where it ended. Other data:
+# `make train-shipped DATA=folder`, a folder with splits/.
+train-shipped: .venv/installed runs/shipped/cubes/about.pt
+	.venv/bin/python -m studies.shipped.train fit runs/shipped/cubes --out runs/shipped --seconds 600
+
+# The file that is written last.
+runs/shipped/cubes/about.pt: | .venv/installed
+	.venv/bin/python -m studies.shipped.train pack $(DATA)/splits --out runs/shipped/cubes
 
 clean:
 	rm -rf .venv

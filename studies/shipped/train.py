@@ -1,18 +1,19 @@
 """The network and the prior that come with tmca for spectral cameras of any bands, codes, buckets and noise.
 
-On any machine with the data::
+``make train-shipped`` does the first two of these steps. On any machine with the data::
 
-    python -m studies.shipped.train pack ../shared/data/splits --out cubes
+    python -m studies.shipped.train pack ../shared/data/splits --out runs/shipped/cubes
 
-writes ``cubes/{train,val}.xz`` and the prior of the training scenes. Then, where there is a graphics processor if
-possible (figures on the card say which)::
+writes ``{train,val}.xz`` and ``about.pt``: names of the scenes, and the mask of the benchmark. Then, on a graphics
+processor where there is one::
 
-    python -m studies.shipped.train fit cubes --device cuda --seconds 460 [--load state.pt]
+    python -m studies.shipped.train fit runs/shipped/cubes --out runs/shipped --seconds 600
 
-draws cameras and scenes for a part of the time, learns for the rest, and writes ``state.pt`` (below 16 MB) again and
-again; a next piece of ten minutes goes on from it. ::
+draws cameras and scenes for a part of the time, learns for the rest, and writes ``state.pt`` (below 16 MB) with every
+report. Run again, it goes on from there with other cameras and scenes, unless ``--fresh``; stopped, it loses what it
+learned since the last report. ::
 
-    python -m studies.shipped.train ship cubes --load state.pt --trained "8 minutes on one H100"
+    python -m studies.shipped.train ship runs/shipped/cubes --load runs/shipped/state.pt --trained "on one H100"
 
 writes the files that come with the package.
 """
@@ -22,10 +23,10 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -34,6 +35,7 @@ from torch import Tensor
 from studies.shipped.pool import KNOTS, Example, benchmark_camera, drawn_camera, example, gains
 from studies.shipped.scenes import read_cubes, write_cubes
 from tmca.cameras import SpectralCamera
+from tmca.data import atomic_path
 from tmca.decoders import Weights
 from tmca.decoders.nets.subspace import Moments, SubspaceNetwork
 from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
@@ -51,6 +53,7 @@ _EARLY, _SPREAD = 0.3, 0.05
 _FLOOR = 1e-6
 _DARKEST = 1e-8
 SIZE = (256, 256)
+STATE = "state.pt"
 CAMERAS: dict[str, tuple[dict[str, Any], Noise]] = {
     "K = 8": ({"bands": 12, "slots": 8, "aperture": "random", "shutter": "random", "seed": 5}, Noise(0.01)),
     "two buckets": (
@@ -92,13 +95,41 @@ class Average:
             mine.copy_(held)
 
 
+@dataclass
+class Trained:
+    """A network, and for how many steps and seconds it has learned in all pieces, the drawing of scenes left out."""
+
+    network: SubspaceNetwork
+    steps: int = 0
+    seconds: float = 0.0
+
+    @classmethod
+    def of(cls, prior: SubspacePrior, state: Path | None = None) -> Self:
+        """One that begins in the subspace of the prior, or goes on from a state; old states have no counts."""
+        network = SubspaceNetwork(**SETTINGS)
+        mean, basis = prior.mean.cpu(), prior.basis.cpu()
+        own = prior.moments[:, :, 0, 0].diagonal().cpu() + (mean @ basis).square()
+        network.basis.copy_(basis * own.sqrt())
+        if state is None:
+            return cls(network)
+        stored = torch.load(state, weights_only=True)
+        network.load_state_dict(stored["network"])
+        return cls(network, stored.get("steps", 0), stored.get("seconds", 0.0))
+
+    def save(self, path: Path) -> None:
+        """Write the state, whole or not at all."""
+        network = {name: value.cpu() for name, value in self.network.state_dict().items()}
+        with atomic_path(path, overwrite=True) as temporary:
+            torch.save({"network": network, "steps": self.steps, "seconds": self.seconds}, temporary)
+
+
 class Fit:
     """Training of one piece."""
 
-    def __init__(self, network: SubspaceNetwork, pool: list[Example], batch: int, seed: int) -> None:
-        self.network, self.pool, self.batch = network, pool, batch
-        self.average, self.rng = Average(network), np.random.default_rng((seed, 1))
-        self.optimiser = torch.optim.AdamW(network.parameters(), lr=_RATE, weight_decay=1e-4, betas=(0.9, 0.99))
+    def __init__(self, trained: Trained, pool: list[Example], batch: int, seed: int) -> None:
+        self.trained, self.network, self.pool, self.batch = trained, trained.network, pool, batch
+        self.average, self.rng = Average(self.network), np.random.default_rng((seed, trained.steps, 1))
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), lr=_RATE, weight_decay=1e-4, betas=(0.9, 0.99))
 
     def step(self, number: int, done: float) -> Tensor:
         """One step when a share of the time is ``done``; the gain of the batch over its first estimates, dB."""
@@ -117,56 +148,64 @@ class Fit:
         if torch.isfinite(norm):
             self.optimiser.step()
         self.average.update(self.network)
+        self.trained.steps += 1
         errors = [(part - truth).square().mean((1, 2, 3)) for part in (start, steps[-1].estimate.detach())]
         return 10 * torch.log10(errors[0] / errors[1]).mean()
 
 
 def fit(folder: Path, out: Path, device: torch.device, seconds: float, how: argparse.Namespace) -> None:
-    """Draw examples, then learn until the time is over."""
-    begun = time.perf_counter()
+    """Draw examples, then learn until the time is over, from where the last piece ended."""
+    begun, state = time.perf_counter(), out / STATE
+    out.mkdir(parents=True, exist_ok=True)
     cubes, held_out = read_cubes(folder / "train.xz"), read_cubes(folder / "val.xz")
-    about = torch.load(folder / "about.pt", weights_only=True)
+    mask = torch.load(folder / "about.pt", weights_only=True)["mask"][: how.size, : how.size]
     prior = learned(cubes, device)
-    rng, size = np.random.default_rng(how.seed), (how.size, how.size)
-    mask = about["mask"][: how.size, : how.size]
+    trained = Trained.of(prior, state if state.exists() and not how.fresh else None)
+    report(f"{device}, {trained.steps} steps in {trained.seconds:.0f} s so far")
+    place(trained.network, device)
+    rng, size = np.random.default_rng((how.seed, trained.steps)), (how.size, how.size)
     kinds = {"benchmark": benchmark_camera(mask)}
     kinds |= {name: (SpectralCamera(size=size, **given), noise) for name, (given, noise) in CAMERAS.items()}
     checked = {name: example(*one, held_out, prior, rng, 0, device) for name, one in kinds.items()}
-    network = restored(prior, how.load).to(device)
-    network = network.to(memory_format=torch.channels_last)
-    if device.type == "cuda":
-        torch.backends.cudnn.benchmark = True
-        network.body.forward = torch.autocast("cuda", torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]
     pool: list[Example] = []
-    while len(pool) < how.cameras and time.perf_counter() - begun < how.drawing:
+    while not pool or (len(pool) < how.cameras and time.perf_counter() - begun < how.drawing):
         one = benchmark_camera(mask) if rng.random() < how.benchmark or not pool else drawn_camera(rng, size)
         pool.append(example(*one, cubes, prior, rng, how.scenes, device))
     report(f"{len(pool)} cameras of {how.scenes} scenes, {time.perf_counter() - begun:.0f} s")
-    learn(Fit(network, pool, how.batch, how.seed), checked, begun + seconds, lambda: save(network, prior, out))
+    learn(Fit(trained, pool, how.batch, how.seed), checked, begun + seconds, state)
 
 
-def learn(fit: Fit, checked: dict[str, Example], end: float, store: Callable[[], None]) -> None:
+def place(network: SubspaceNetwork, device: torch.device) -> None:
+    """Bring a network to where it learns, its layers laid out for speed; on a graphics processor in half precision."""
+    torch.nn.utils.convert_conv2d_weight_memory_format(network.to(device), torch.channels_last)
+    if device.type == "cuda":
+        torch.backends.cudnn.benchmark = True
+        network.body.forward = torch.autocast("cuda", torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]
+
+
+def learn(fit: Fit, checked: dict[str, Example], end: float, state: Path) -> None:
     """Steps until the time ``end``; every now and then validation figures, and the state stored."""
-    begun, number, recent = time.perf_counter(), 0, []
+    begun, number, recent, before = time.perf_counter(), 0, [], fit.trained.seconds
     every, shown = max(30.0, (end - begun) / 10), begun
     while (now := time.perf_counter()) < end:
         recent.append(fit.step(number, (now - begun) / (end - begun)))
         number += 1
+        fit.trained.seconds = before + time.perf_counter() - begun
         if now - shown > every or number == 20:
             shown = now
-            figures(fit, checked, f"step {number}, training {float(torch.stack(recent).mean()):+.2f} dB", store)
+            figures(fit, checked, f"step {number}, training {float(torch.stack(recent).mean()):+.2f} dB", state)
             recent.clear()
-    figures(fit, checked, f"step {number}, the end", store)
+    figures(fit, checked, f"step {number}, the end", state)
 
 
 @torch.no_grad()
-def figures(fit: Fit, checked: dict[str, Example], when: str, store: Callable[[], None]) -> None:
-    """Report the averaged network on validation scenes, and store it."""
+def figures(fit: Fit, checked: dict[str, Example], when: str, state: Path) -> None:
+    """Store the averaged network, and report it on validation scenes."""
     fit.average.swap(fit.network)
+    fit.trained.save(state)
     every = {name: gains(fit.network, one) for name, one in checked.items()}
     shown = [f"{name} " + " ".join(f"{a:.2f}{b:+.2f}" for a, b in rows) for name, rows in every.items()]
     report(" | ".join((when, *shown)))
-    store()
     fit.average.swap(fit.network)
 
 
@@ -176,28 +215,11 @@ def learned(cubes: Sequence[Tensor], device: torch.device) -> SubspacePrior:
     return SubspacePrior.learn(cubes, BLOCK, rank=SETTINGS["rank"], wavelengths=KNOTS.tolist())
 
 
-def restored(prior: SubspacePrior, state: Path | None) -> SubspaceNetwork:
-    """A network that begins in the subspace of the prior, or goes on from a state."""
-    network = SubspaceNetwork(**SETTINGS)
-    mean, basis = prior.mean.cpu(), prior.basis.cpu()
-    own = prior.moments[:, :, 0, 0].diagonal().cpu() + (mean @ basis).square()
-    network.basis.copy_(basis * own.sqrt())
-    if state is not None:
-        network.load_state_dict(torch.load(state, weights_only=True)["network"])
-    return network
-
-
-def save(network: SubspaceNetwork, prior: SubspacePrior, out: Path) -> None:
-    """Write the state."""
-    state = {name: value.cpu() for name, value in network.state_dict().items()}
-    torch.save({"network": state}, out / "state.pt")
-
-
 def report(text: str) -> None:
     print(text, flush=True)
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     packing = commands.add_parser("pack")
@@ -206,22 +228,23 @@ def main() -> None:
     fitting = commands.add_parser("fit")
     fitting.add_argument("folder", type=Path)
     fitting.add_argument("--out", type=Path, default=Path())
-    fitting.add_argument("--device", default="cpu")
-    fitting.add_argument("--load", type=Path, default=None)
+    fitting.add_argument("--device", default="auto", help="auto: cuda where there is one, else cpu")
+    fitting.add_argument("--fresh", action="store_true", help=f"begin anew, whatever {STATE} holds")
     numbers = {"seconds": 600.0, "drawing": 70.0, "cameras": 64, "scenes": 16, "batch": 4, "benchmark": 0.3}
     for name, value in {**numbers, "seed": 0, "size": SIZE[0]}.items():
         fitting.add_argument(f"--{name}", type=type(value), default=value)
     shipping = commands.add_parser("ship")
     shipping.add_argument("folder", type=Path)
     shipping.add_argument("--load", type=Path, required=True)
-    shipping.add_argument("--trained", required=True)
-    how = parser.parse_args()
+    shipping.add_argument("--trained", required=True, help="on which machine, for the card")
+    how = parser.parse_args(arguments)
     if how.command == "pack":
         pack(how.splits, how.out)
     elif how.command == "ship":
         ship(how.folder, how.load, how.trained)
     else:
-        fit(how.folder, how.out, torch.device(how.device), how.seconds, how)
+        best = "cuda" if torch.cuda.is_available() else "cpu"
+        fit(how.folder, how.out, torch.device(best if how.device == "auto" else how.device), how.seconds, how)
 
 
 def ship(folder: Path, state: Path, trained: str) -> None:
@@ -229,9 +252,11 @@ def ship(folder: Path, state: Path, trained: str) -> None:
     prior = learned(read_cubes(folder / "train.xz"), torch.device("cpu"))
     names = torch.load(folder / "about.pt", weights_only=True)["train"]
     replace(prior, sources=tuple(names)).save(FOLDER / f"{UNIVERSAL}-prior.nc", overwrite=True)
-    card = {"trained": trained, "scenes": list(names), "recipe": "studies/shipped/train.py"}
+    network = Trained.of(prior, state)
+    counts = {"steps": network.steps, "seconds": round(network.seconds)}
+    card = {"trained": trained, **counts, "scenes": list(names), "recipe": "studies/shipped/train.py"}
     camera = SpectralCamera(KNOTS.tolist(), (16, 16), 1, aperture="static", shutter="open")
-    weights = Weights.of(restored(prior, state), camera, f"{UNIVERSAL}-prior.nc", card)
+    weights = Weights.of(network.network, camera, f"{UNIVERSAL}-prior.nc", card)
     weights.save(FOLDER / f"{UNIVERSAL}.safetensors", overwrite=True)
 
 
