@@ -10,7 +10,7 @@ import torch
 from studies.shipped import train
 from studies.shipped.pool import KNOTS, drawn_camera, example
 from studies.shipped.scenes import drawn_scene, read_cubes, write_cubes
-from studies.shipped.train import STATE, Fit, Trained, loss_of
+from studies.shipped.train import STATE, Fit, Trained, figures, loss_of
 from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
 from tmca.decoders.nets.subspace import SubspaceNetwork
@@ -92,6 +92,12 @@ def test_drawn_scenes_are_irradiances_of_the_shape_of_the_cubes_and_differ():
     assert len({round(float(one.double().sum()), 3) for one in scenes}) > 20
 
 
+def test_scenes_are_drawn_from_every_cube():
+    given, draw = [torch.eye(31)[band].mul(0.5)[:, None, None].expand(31, 8, 8) for band in range(3)], rng()
+    shown = sum(drawn_scene(given, draw) for _ in range(40)).sum((1, 2))
+    assert (shown > 0).tolist() == [True] * 3 + [False] * 28
+
+
 def test_drawn_cameras_differ_and_the_network_serves_them():
     draw, network, kinds = rng(), SubspaceNetwork(**TINY), set()
     for _ in range(20):
@@ -136,6 +142,18 @@ def test_steps_change_the_network_and_it_stays_finite(prior, seen):
     assert all(one.isfinite().all() for one in (*after, *fit.average.values))
     assert any(not torch.equal(one, other) for one, other in zip(before, after, strict=True))
     assert trained.steps == 2
+
+
+def test_the_average_is_stored_and_learning_goes_on_without_it(prior, seen, tmp_path):
+    fit = Fit(Trained.of(prior), [seen], batch=2, seed=0)
+    for number in range(3):
+        fit.step(number, 0.0)
+    before = [one.detach().clone() for one in fit.network.parameters()]
+    figures(fit, {}, "now", tmp_path / STATE)
+    stored = Trained.of(prior, tmp_path / STATE).network.parameters()
+    assert all(torch.equal(one, mean) for one, mean in zip(stored, fit.average.values, strict=True))
+    assert all(torch.equal(one, its) for one, its in zip(fit.network.parameters(), before, strict=True))
+    assert any(not torch.equal(one, mean) for one, mean in zip(before, fit.average.values, strict=True))
 
 
 def test_the_loss_falls_on_one_example(prior, seen):
