@@ -32,13 +32,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+import tmca
 from studies.shipped.pool import KNOTS, Example, benchmark_camera, drawn_camera, example, gains
 from studies.shipped.scenes import read_cubes, write_cubes
 from tmca.cameras import SpectralCamera
 from tmca.data import atomic_path
 from tmca.decoders import Weights
 from tmca.decoders.nets.subspace import Moments, SubspaceNetwork
-from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
 from tmca.priors import SubspacePrior
 from tmca.sensor import Noise
 
@@ -54,6 +54,8 @@ _FLOOR = 1e-6
 _DARKEST = 1e-8
 SIZE = (256, 256)
 STATE = "state.pt"
+FOLDER, UNIVERSAL = Path(tmca.__file__).parent / "weights", "universal"
+"""Where ``ship`` writes, and the name of what it writes."""
 CAMERAS: dict[str, tuple[dict[str, Any], Noise]] = {
     "K = 8": ({"bands": 12, "slots": 8, "aperture": "random", "shutter": "random", "seed": 5}, Noise(0.01)),
     "two buckets": (
