@@ -170,7 +170,8 @@ def fit(folder: Path, out: Path, device: torch.device, seconds: float, how: argp
     kinds |= {name: (SpectralCamera(size=size, **given), noise) for name, (given, noise) in CAMERAS.items()}
     checked = {name: example(*one, held_out, prior, rng, 0, device) for name, one in kinds.items()}
     pool: list[Example] = []
-    while not pool or (len(pool) < how.cameras and time.perf_counter() - begun < how.drawing):
+    drawing = time.perf_counter() + how.drawing
+    while not pool or (len(pool) < how.cameras and time.perf_counter() < drawing):
         one = benchmark_camera(mask) if rng.random() < how.benchmark or not pool else drawn_camera(rng, size)
         pool.append(example(*one, cubes, prior, rng, how.scenes, device))
     report(f"{len(pool)} cameras of {how.scenes} scenes, {time.perf_counter() - begun:.0f} s")
