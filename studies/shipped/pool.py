@@ -12,8 +12,7 @@ from torch import Tensor
 
 from studies.shipped.scenes import drawn_scene
 from tmca.cameras import SpectralCamera
-from tmca.decoders import PatchEstimator
-from tmca.decoders.nets.subspace import SubspaceNetwork
+from tmca.decoders import PatchEstimator, SubspaceNetwork
 from tmca.operators import TapOperator, Taps
 from tmca.priors import SubspacePrior, block_of, interpolation
 from tmca.sensor import Noise

@@ -37,8 +37,7 @@ from studies.shipped.pool import KNOTS, Example, benchmark_camera, drawn_camera,
 from studies.shipped.scenes import read_cubes, write_cubes
 from tmca.cameras import SpectralCamera
 from tmca.data import atomic_path
-from tmca.decoders import Weights
-from tmca.decoders.nets.subspace import Moments, SubspaceNetwork
+from tmca.decoders import SubspaceNetwork, Weights
 from tmca.priors import SubspacePrior
 from tmca.sensor import Noise
 
@@ -66,7 +65,7 @@ CAMERAS: dict[str, tuple[dict[str, Any], Noise]] = {
 """Cameras beside that of the benchmark on which validation scenes are decoded."""
 
 
-def loss_of(steps: Sequence[Moments], truth: Tensor) -> Tensor:
+def loss_of(steps: Sequence[Any], truth: Tensor) -> Tensor:
     """Logarithm of the mean square error, which weighs dark scenes like bright ones, of the last stage and, less, of
     those before; and the Gaussian likelihood of the errors under the standard deviation that is predicted."""
     *early, last = [torch.log((one.estimate - truth).square().mean((1, 2, 3)) + _FLOOR).mean() for one in steps]

@@ -65,7 +65,7 @@ def test_a_camera_of_any_bands_finds_its_prior(tmp_path):
         assert prior.wavelengths == tuple(lengths)
         assert prior.block == (len(lengths), 6, 24)
         assert prior.sources == ("noise",)
-    with pytest.raises(SettingError, match="a prior of any bands, expected a mixture|any bands.*mixture"):
+    with pytest.raises(SettingError, match=r"a prior of any bands.*mixture"):
         find_prior(camera, file, "mixture")
     with pytest.raises(SettingError, match="a prior of any bands"):
         find_prior(LightFieldCamera(views=3, size=(16, 16), slots=1), file)

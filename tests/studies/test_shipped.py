@@ -13,7 +13,7 @@ from studies.shipped.scenes import drawn_scene, read_cubes, write_cubes
 from studies.shipped.train import STATE, Fit, Trained, figures, loss_of
 from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
-from tmca.decoders.nets.subspace import SubspaceNetwork
+from tmca.decoders import SubspaceNetwork
 from tmca.operators import TapOperator
 from tmca.priors import SubspacePrior, block_of
 from tmca.sensor import Noise

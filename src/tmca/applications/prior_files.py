@@ -14,13 +14,14 @@ from tmca.decoders.likelihood import usual_window
 from tmca.errors import SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.plots.style import save_figure
-from tmca.priors import GaussianPrior, Prior, expected_psnr, learn_prior
+from tmca.priors import GaussianPrior, Prior, SubspacePrior, block_of_any_bands, expected_psnr, learn_prior
 from tmca.specs import SensorSpec, SpectralSpec
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _FRAME = 128
+_OPTIONS = {"mixture": "mixture", SubspacePrior.kind: "any-bands"}
 Report = Callable[[float, str], None]
 """Called with the share that is done and what is done."""
 Read = Callable[[str], "xr.DataArray"]
@@ -28,37 +29,41 @@ Settings = Callable[[Sequence["xr.DataArray"]], dict[str, Any]]
 
 
 def cube_reader(
-    bands: int | None, extent: int | None, like: Path | None, reading: Mapping[str, Any], mixture: bool = False
+    bands: int | None, extent: int | None, like: Path | None, reading: Mapping[str, Any], kind: str = "gaussian"
 ) -> tuple[Read, Settings]:
     """What reads the cubes of a prior, and its settings, from the cubes.
 
     Args:
-        bands: nearest to even spacing from 400 to 700 nm; all if None.
-        extent: pixels between the first and the last band on the sensor; one per band if None.
+        bands: nearest to even spacing from 400 to 700 nm; all if None, and for a prior of any bands.
+        extent: pixels between the first and the last band on the sensor; one per band if None, 54 for any bands.
         like: a snapshot of the spectral-depth camera, whose bands and block the prior gets.
         reading: further arguments of ``load_scene``.
-        mixture: whether it is one of Gaussians.
+        kind: of the prior.
 
     Raises:
         SettingError: ``like`` beside what it decides.
     """
+    any_bands = kind == SubspacePrior.kind
     if extent is not None and extent < 0:
         raise SettingError("--spread", str(extent), "0 pixels or more")
-    wavelengths, block = (None, None) if like is None else _needed(like, mixture, extent)
+    wavelengths, block = (None, None) if like is None else _needed(like, kind, extent)
 
     def read(source: str) -> xr.DataArray:
-        cube = load_scene(source, bands=None if wavelengths else bands, **reading)
+        cube = load_scene(source, bands=None if wavelengths or any_bands else bands, **reading)
         return at_bands(cube, wavelengths) if wavelengths else cube
 
     def settings(cubes: Sequence[xr.DataArray]) -> dict[str, Any]:
+        if any_bands:
+            sides = zip(("y", "x"), block_of_any_bands(extent), strict=True)
+            return {"block": tuple(min(side, *(cube.sizes[axis] for cube in cubes)) for axis, side in sides)}
         return {"extent": cubes[0].sizes["wavelength"] - 1 if extent is None else extent, "block": block}
 
     return read, settings
 
 
-def _needed(like: Path, mixture: bool, extent: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
+def _needed(like: Path, kind: str, extent: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
     """Wavelengths and block (rows, columns) of the prior that a snapshot's camera needs."""
-    for name, given in (("--mixture", mixture), ("--spread", extent is not None)):
+    for name, given in ((f"--{_OPTIONS.get(kind)}", kind in _OPTIONS), ("--spread", extent is not None)):
         if given:
             raise SettingError(name, "given beside --like", "one of them", "leave it out")
     camera = Snapshot.load(like).camera

@@ -22,6 +22,7 @@ def learn(
     *scenes: str,
     out: Path,
     mixture: bool = False,
+    any_bands: bool = False,
     split: Path | None = None,
     bands: Whole = 12,
     all_bands: bool = False,
@@ -38,10 +39,12 @@ def learn(
         scenes: cubes or rendered scenes.
         out: file to write (NetCDF).
         mixture: a Gaussian mixture instead of one Gaussian.
+        any_bands: one Gaussian over wavelength and space from all bands of the files, which serves cameras of any bands
+            between the first and the last.
         split: a split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the files instead.
-        extent: pixels between the first and the last band on the sensor; one per band without it.
+        extent: pixels between the first and the last band on the sensor; one per band without it, 54 with --any-bands.
         like: snapshot of the spectral-depth camera, for whose bands and point spread functions the prior is.
         figure: write a picture of it (PNG).
         overwrite: replace files that exist.
@@ -51,14 +54,17 @@ def learn(
     from tmca.cli.progress import progress_bar
 
     check_figure(figure, overwrite)
-    read, settings = cube_reader(None if all_bands else bands, extent, like, reading.given(), mixture)
-    kind, names = "mixture" if mixture else "gaussian", scenes_of(scenes, split)
+    if any_bands and mixture:
+        raise SettingError("prior learn", "--any-bands and --mixture", "one of them", "leave one out")
+    kind = "subspace" if any_bands else "mixture" if mixture else "gaussian"
+    read, settings = cube_reader(None if all_bands else bands, extent, like, reading.given(), kind)
+    names = scenes_of(scenes, split)
     how: dict[str, Any] = {"seed": seed, "figure": figure, "overwrite": overwrite}
     with progress_bar(f"prior {out.name}") as progress:
         prior = write_prior(names, read, out, kind, settings, progress=progress, **how)
     sizes = " × ".join(map(str, prior.block))
-    named = "mixture" if mixture else "Gaussian"
-    print(f"{out}: {named} prior of blocks {sizes} (bands, rows, columns)")
+    named = {"mixture": "mixture prior", "subspace": "prior of any bands,"}.get(kind, "Gaussian prior")
+    print(f"{out}: {named} of blocks {sizes} (bands, rows, columns)")
 
 
 @app.command

@@ -10,6 +10,7 @@ from tmca.decoders.likelihood import PatchLikelihood
 from tmca.decoders.lmmse import LMMSE, PatchEstimator
 from tmca.decoders.nets.build import build_network
 from tmca.decoders.nets.network import Network
+from tmca.decoders.nets.subspace import SubspaceNetwork
 from tmca.decoders.nets.tiles import first_estimate
 from tmca.decoders.nets.weights import OtherCodes, Weights
 from tmca.decoders.pnp import (
@@ -38,6 +39,7 @@ __all__ = [
     "Prepared",
     "Raw",
     "Result",
+    "SubspaceNetwork",
     "Weights",
     "admm_tv",
     "batch_omp",

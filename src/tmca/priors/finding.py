@@ -28,7 +28,7 @@ _SIZE, _RANGE = (256, 256), (400e-9, 700e-9)
 _VIEWS_SIZE, _VIEWS_SEEDS = (128, 160), (0, 1)
 _LARGEST_BLOCKS = {"gaussian": (12, 5184), "mixture": (8, 3456), "subspace": (12, 26880)}
 """Most rows, and entries."""
-_COMPLETE, _FEWEST_ROWS = 14, 2
+_COMPLETE, _FEWEST_ROWS, _WIDEST = 14, 2, 54
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
 _RENDERING = 1
 """Raised when the rendering changes: priors cached by earlier versions are then learned anew."""
@@ -178,6 +178,12 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     columns = max(2 * extent + _COMPLETE, 24)
     rows, entries = _LARGEST_BLOCKS.get(kind, _LARGEST_BLOCKS["gaussian"])
     return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
+
+
+def block_of_any_bands(extent: int | None = None) -> tuple[int, int]:
+    """(rows, columns) of what a prior of any bands learns: of cameras that disperse over ``extent`` columns at most,
+    two pixels for each of 28 bands if None."""
+    return _LARGEST_BLOCKS["subspace"][0], 2 * (_WIDEST if extent is None else extent) + _COMPLETE
 
 
 def learn_prior(

@@ -37,7 +37,7 @@ class SubspacePrior(Prior):
     called: ClassVar[str] = "a prior of any bands"
     any_bands: ClassVar[bool] = True
     of_rendered: ClassVar[bool] = False
-    learned_by: ClassVar[str] = "`tmca prior learn --kind subspace`"
+    learned_by: ClassVar[str] = "`tmca prior learn --any-bands`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
         "mean": ("channel",),
         "basis": ("channel", "component"),
