@@ -7,11 +7,14 @@ import torch
 from tests.training import tiny
 from tmca.codes import CodePlane
 from tmca.decoders import Weights
+from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
 from tmca.design import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.training import TRAININGS, training_settings
 from tmca.training import run as training_run
 from tmca.training.loop import TrainingError
+
+ANY_CODES = str(FOLDER / f"{UNIVERSAL}.safetensors")
 
 
 def starting_camera(**changes):
@@ -128,7 +131,9 @@ def test_a_loss_that_is_no_number_stops_and_names_batch_and_parameter(tmp_path, 
         ({"camera.slotz": 3}, "camera.slotz"), ({"camera.slots": 0}, "camera.slots"), ({"data.patch": 100}, "100"),
         ({"noise": []}, "noise"), ({"optimiser.loss": "l3"}, "optimiser.loss"), ({"decoder.stages": 0}, "stages"),
         ({"decoder.kind": "resnet"}, "resnet"), ({"decoder.depth": 3}, "depth"),
-        ({"codes.start": "nowhere.safetensors"}, "codes.start"), ({"data.validation": ["first"]}, "first"),
+        ({"decoder.kind": "subspace"}, "decoder.kind"),
+        ({"codes.start": "nowhere.safetensors"}, "codes.start"), ({"codes.start": ANY_CODES}, "brings none"),
+        ({"data.validation": ["first"]}, "first"),
     ],
 )  # fmt: skip
 def test_impossible_settings_are_one_clear_line(tmp_path, changes, words):

@@ -200,3 +200,8 @@ def test_settings_that_are_no_tuning_are_refused(run, captures):
         prepared(run, captures, validation=["no_such"])
     with pytest.raises(SettingError, match=r"decoder\.kind"):
         ready(run, captures, **{"decoder.kind": "unet"})
+
+
+def test_a_network_of_any_codes_is_not_tuned(captures):
+    with pytest.raises(SettingError, match="a network of any codes"):
+        prepared("universal", captures)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tmca.codes import pattern, read_codes, tile_of
-from tmca.decoders import Network, Weights, build_network
+from tmca.decoders import Network, SubspaceNetwork, Weights, build_network
 from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import DataError, SettingError
 from tmca.operators import TapOperator
@@ -33,6 +33,9 @@ class MaskTraining(CameraTraining):
         decoder = dict(settings.decoder)
         if "bands" in decoder:
             raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
+        if decoder.get("kind") == SubspaceNetwork.kind:
+            wanted, remedy = "unet, unrolled or spatial-angular", "studies/shipped/train.py trains that of any bands"
+            raise SettingError("decoder.kind", SubspaceNetwork.kind, wanted, remedy)
         if camera.buckets > 1:
             decoder["buckets"] = camera.buckets
         return build_network(decoder.pop("kind", "unrolled"), bands=camera.channels, **decoder)
@@ -107,5 +110,6 @@ def _stored_codes(start: str) -> tuple[dict[str, Tensor], dict[str, Any]]:
         stored = read_codes(start).settings()
         return {name: stored.pop(name) for name in ("aperture", "shutter")}, stored
     weights = Weights.load(start)
+    weights.check_codes()
     planes = {name: weights.codes[name] for name in ("aperture", "shutter")}
     return planes, {**weights.variables.attrs, "period": weights.period}

@@ -35,10 +35,7 @@ def before_after(prepared: FineTuning, folder: Path) -> Figure:
         prepared.camera.cpu(),
         Weights.load(folder),
     )
-    networks, prior = (
-        {"before": prepared.weights.network_for(prepared.camera), "fine-tuned": tuned.network_for(prepared.camera)},
-        tuned.load_prior(prepared.camera),
-    )
+    networks, prior = {"before": prepared.weights.network, "fine-tuned": tuned.network}, tuned.load_prior()
     estimates = {name: decoded(network, prior, pair, camera) for name, network in networks.items()}
     return TRAININGS[camera.kind].figure(estimates, pair.truth, camera)
 

@@ -87,7 +87,7 @@ class FineTuning:
         fabric.barrier()
         data, weights = settings.data, self._tuned(folder)
         captures = Captures((*data.train, *data.validation), len(data.train), read, folder)
-        parts = (self.camera, weights.network_for(self.camera), (self.camera.sensor,), weights.load_prior(self.camera))
+        parts = (self.camera, weights.network, (self.camera.sensor,), weights.load_prior())
         simulated = TRAININGS[self.camera.kind].system(settings, *parts)
         system = TunedSystem(simulated, captures, data.patch, data.batch, settings.seed)
 
@@ -135,9 +135,10 @@ def prepared(
 
     Raises:
         DataError: weights, a calibration or captures that cannot be used, or do not belong together.
-        SettingError: impossible settings.
+        SettingError: impossible settings, or a network of any codes.
     """
     before = Weights.find(weights)
+    before.check_codes()
     pairs = {pair.name: pair for pair in find_pairs(captures)}
     seed = (changes or {}).get("seed", 0)
     learned, apart = held_out(list(pairs), validation, seed if isinstance(seed, int) else 0)
