@@ -25,6 +25,7 @@ from tmca.operators import (
     SensorColumns,
     SlotwiseDisperser,
     TapOperator,
+    Taps,
     coloured_code,
     dual_disperser,
     of_buckets,
@@ -167,6 +168,12 @@ class SpectralCamera(BandCamera, CodedCamera):
     def build_operator(self, depth: Tensor | None = None) -> LinearOperator:
         self._check_no_depth(depth)
         return self._slotwise(moving=False) if self.blurred else self._on_sensor(self._collapsed())
+
+    def taps(self) -> Taps:
+        """See ``CodedCamera``; SettingError for columns beside the sensor too."""
+        if any(self.beside):
+            raise SettingError("beside", f"{self.beside}", "(0, 0) where one code stands for all light")
+        return super().taps()
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
