@@ -2,11 +2,15 @@
 
 import pytest
 import torch
+import xarray as xr
 from torch import Tensor
 
+from tests.cli.refusals import refused
 from tmca.cameras import LightFieldCamera, SpectralCamera
+from tmca.cli import main
+from tmca.data import write_dataset
 from tmca.errors import SettingError, ShapeError
-from tmca.priors import GaussianPrior, SubspacePrior, find_prior, interpolation
+from tmca.priors import GaussianPrior, SubspacePrior, find_prior, interpolation, learn_prior
 
 KNOTS = tuple(1e-9 * v for v in (400.0, 450.0, 520.0, 600.0, 700.0))
 
@@ -74,5 +78,39 @@ def test_a_camera_of_any_bands_finds_its_prior(tmp_path):
 def test_it_is_not_learned_without_wavelengths():
     with pytest.raises(SettingError, match="wavelengths"):
         SubspacePrior.learn(cubes(), (3, 3))
-    with pytest.raises(ShapeError):
-        SubspacePrior(torch.zeros(3), torch.eye(3, 2), torch.zeros(2, 2, 1, 1), (400e-9, 500e-9))
+    with pytest.raises(SettingError, match="rank"):
+        SubspacePrior.learn(cubes(), (3, 3), rank=1.5, wavelengths=KNOTS)
+    with pytest.raises(SettingError, match="ascend"):
+        SubspacePrior.learn(cubes(), (3, 3), wavelengths=KNOTS[::-1])
+
+
+@pytest.mark.parametrize(("mean", "lengths"), [((3,), (400e-9, 500e-9)), ((3, 2), (400e-9, 500e-9, 600e-9))])
+def test_parts_that_do_not_belong_together_are_refused(mean, lengths):
+    with pytest.raises(ShapeError, match="wavelengths"):
+        SubspacePrior(torch.zeros(mean), torch.eye(3, 2), torch.zeros(2, 2, 1, 1), lengths)
+
+
+def labelled(columns: int) -> xr.DataArray:
+    values = torch.rand(len(KNOTS), 20, columns, generator=torch.Generator().manual_seed(1)).numpy()
+    return xr.DataArray(values, dims=("wavelength", "y", "x"), coords={"wavelength": list(KNOTS)})
+
+
+@pytest.mark.parametrize(
+    ("extent", "columns", "wanted"), [(None, 130, 122), (None, 40, 40), (9, 130, 32), (0, 130, 24)]
+)
+def test_blocks_are_those_of_cameras_of_any_bands_unless_told(extent, columns, wanted):
+    prior = learn_prior(labelled(columns), kind="subspace", extent=extent, rank=2)
+    assert prior.block == (len(KNOTS), 12, wanted)
+
+
+def test_the_command_line_learns_one_from_all_bands(capsys, tmp_path):
+    for name in ("one", "other"):
+        write_dataset(labelled(40).to_dataset(name="radiance"), tmp_path / f"{name}.nc")
+    given = [str(tmp_path / f"{name}.nc") for name in ("one", "other")]
+    main(["prior", "learn", *given, "--any-bands", "--spread", "5", "--out", str(tmp_path / "p.nc")])
+    assert "prior of any bands, of blocks 5 × 12 × 24" in capsys.readouterr().out
+    prior = SubspacePrior.load(tmp_path / "p.nc")
+    assert prior.wavelengths == pytest.approx(KNOTS)
+    assert len(prior.sources) == 2
+    line = refused(capsys, "prior", "learn", *given, "--any-bands", "--mixture", "--out", tmp_path / "q.nc")
+    assert "--any-bands and --mixture" in line

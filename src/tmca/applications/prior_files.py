@@ -14,7 +14,7 @@ from tmca.decoders.likelihood import usual_window
 from tmca.errors import SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.plots.style import save_figure
-from tmca.priors import GaussianPrior, Prior, SubspacePrior, block_of_any_bands, expected_psnr, learn_prior
+from tmca.priors import GaussianPrior, Prior, SubspacePrior, expected_psnr, learn_prior
 from tmca.specs import SensorSpec, SpectralSpec
 
 if TYPE_CHECKING:
@@ -53,10 +53,8 @@ def cube_reader(
         return at_bands(cube, wavelengths) if wavelengths else cube
 
     def settings(cubes: Sequence[xr.DataArray]) -> dict[str, Any]:
-        if any_bands:
-            sides = zip(("y", "x"), block_of_any_bands(extent), strict=True)
-            return {"block": tuple(min(side, *(cube.sizes[axis] for cube in cubes)) for axis, side in sides)}
-        return {"extent": cubes[0].sizes["wavelength"] - 1 if extent is None else extent, "block": block}
+        given = cubes[0].sizes["wavelength"] - 1 if extent is None and not any_bands else extent
+        return {"extent": given, "block": block}
 
     return read, settings
 

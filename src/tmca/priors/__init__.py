@@ -3,7 +3,7 @@
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected import expected_mse, expected_psnr
-from tmca.priors.finding import block_of, block_of_any_bands, find_prior, learn_prior
+from tmca.priors.finding import block_of, find_prior, learn_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
@@ -20,7 +20,6 @@ __all__ = [
     "Prior",
     "SubspacePrior",
     "block_of",
-    "block_of_any_bands",
     "check_kind",
     "expected_mse",
     "expected_psnr",

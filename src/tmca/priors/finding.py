@@ -28,7 +28,9 @@ _SIZE, _RANGE = (256, 256), (400e-9, 700e-9)
 _VIEWS_SIZE, _VIEWS_SEEDS = (128, 160), (0, 1)
 _LARGEST_BLOCKS = {"gaussian": (12, 5184), "mixture": (8, 3456), "subspace": (12, 26880)}
 """Most rows, and entries."""
-_COMPLETE, _FEWEST_ROWS, _WIDEST = 14, 2, 54
+_COMPLETE, _FEWEST_ROWS = 14, 2
+_WIDEST = 54
+"""Columns of dispersion for which priors of any bands are learned: two pixels for each of 28 bands."""
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
 _RENDERING = 1
 """Raised when the rendering changes: priors cached by earlier versions are then learned anew."""
@@ -180,18 +182,12 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     return max(_FEWEST_ROWS, min(rows, entries // (bands * columns))), columns
 
 
-def block_of_any_bands(extent: int | None = None) -> tuple[int, int]:
-    """(rows, columns) of what a prior of any bands learns: of cameras that disperse over ``extent`` columns at most,
-    two pixels for each of 28 bands if None."""
-    return _LARGEST_BLOCKS["subspace"][0], 2 * (_WIDEST if extent is None else extent) + _COMPLETE
-
-
 def learn_prior(
     scenes: Iterable[xr.DataArray | xr.Dataset],
     camera: Any = None,
     kind: str = "gaussian",
     *,
-    extent: int = 0,
+    extent: int | None = None,
     block: tuple[int, int] | None = None,
     seed: int = 0,
     **settings: Any,
@@ -204,7 +200,8 @@ def learn_prior(
             datasets that hold them; one, or several.
         camera: whose ``block_of`` the prior gets; that of most cameras shrinks to the smallest scene.
         kind: ``"gaussian"``, ``"mixture"`` or, of light fields, ``"dictionary"``.
-        extent: columns by which dispersion widens the snapshot, for cubes without a camera.
+        extent: columns by which dispersion widens the snapshot, for cubes without a camera; 0 if None, 54 for a prior
+            of any bands.
         block: (rows, columns) instead of the camera's.
         seed: of random blocks.
         settings: further ones of the ``learn`` of that kind.
@@ -229,8 +226,10 @@ def learn_prior(
     elif camera is not None:
         block = block_of(camera, kind)
     else:
+        extent = (_WIDEST if cls.any_bands else 0) if extent is None else extent
         check_range("extent", extent, 0, whole=True)
-        block = usual_block(kind, len(about.get("wavelengths", ())), extent, views)
+        bands = 1 if cls.any_bands else len(about.get("wavelengths", ()))
+        block = usual_block(kind, bands, extent, views)
     about |= {"seed": seed} if any(one.name == "seed" for one in _keywords(cls)) else {}
     about |= cls.settings_of_views if views is not None else {}
     about |= {"sources": [source_of(example) for example in examples], **settings}

@@ -31,6 +31,10 @@ class SubspacePrior(Prior):
         moments: (R, R, h, w) covariance of the components of two pixels by their distance in rows and columns.
         wavelengths: of the L channels, ascending, in metres.
         sources: names (and checksums) of the scenes it was learned from.
+
+    Raises:
+        ShapeError: parts that do not belong together.
+        SettingError: fewer than two wavelengths, or some that do not ascend.
     """
 
     kind: ClassVar[str] = "subspace"
@@ -52,9 +56,10 @@ class SubspacePrior(Prior):
     def __post_init__(self) -> None:
         count, rank = len(self.mean), self.basis.shape[-1]
         fits = self.basis.shape == (count, rank) and self.moments.ndim == 4 and self.moments.shape[:2] == (rank, rank)
-        if not fits or len(self.wavelengths) != count:
-            found = f"basis {tuple(self.basis.shape)}, moments {tuple(self.moments.shape)}"
-            raise ShapeError("prior", found, f"({count}, R) and (R, R, h, w), and {count} wavelengths")
+        if not fits or self.mean.ndim != 1 or len(self.wavelengths) != count:
+            found = ", ".join(f"{name} {tuple(getattr(self, name).shape)}" for name in ("mean", "basis", "moments"))
+            raise ShapeError("prior", found, f"({count},), ({count}, R) and (R, R, h, w), and {count} wavelengths")
+        interpolation(self.wavelengths, torch.tensor(self.wavelengths))  # refuses those that do not ascend
 
     @property
     def block(self) -> tuple[int, int, int]:
@@ -76,9 +81,9 @@ class SubspacePrior(Prior):
             rank: dimensions of the subspace, those of most energy; L at most.
 
         Raises:
-            SettingError: no wavelengths, or none that ascend.
+            SettingError: no wavelengths, some that do not ascend, or no dimension.
         """
-        check_range("rank", rank, 1)
+        check_range("rank", rank, 1, whole=True)
         if wavelengths is None:
             raise SettingError("wavelengths", "none", "those of the examples", "name them in metres")
         mean, moments = stationary_moments(checked_cubes(cubes, block), block, floor=0.0)
@@ -89,13 +94,13 @@ class SubspacePrior(Prior):
         return cls(mean, basis, inside, tuple(float(v) for v in wavelengths), tuple(sources))
 
     def at(self, wavelengths: Sequence[float], block: tuple[int, int] | None = None) -> GaussianPrior:
-        """The prior of blocks (h, w), its own or smaller ones, at other bands, in metres.
+        """The prior of blocks (h, w) at other bands, in metres; of its own where they are not larger.
 
         Raises:
             SettingError: wavelengths outside of its range.
         """
         rows, columns = block or self.block[1:]
-        between = interpolation(wavelengths, torch.tensor(self.wavelengths).to(self.mean))
+        between = interpolation(wavelengths, torch.tensor(self.wavelengths).to(self.mean)).to(self.mean)
         spectra, part = between @ self.basis, self.moments[:, :, :rows, :columns]
         moments = torch.einsum("lr,ms,rsyx->lmyx", spectra, spectra, part)
         moments[:, :, 0, 0] += FLOOR * torch.eye(len(moments)).to(moments)
@@ -115,7 +120,6 @@ class SubspacePrior(Prior):
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         prior = cls(arrays["mean"], arrays["basis"], arrays["autocovariance"], about["wavelengths"], about["sources"])
-        interpolation(prior.wavelengths, torch.tensor(prior.wavelengths))
         prior.at(prior.wavelengths, (1, 1))
         return prior
 
