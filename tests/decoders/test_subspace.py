@@ -1,5 +1,7 @@
 """One network for cameras of any bands, and the one that comes with the package."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -9,10 +11,11 @@ from tmca.data import rendered_scene
 from tmca.decoders import Weights, decode
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.subspace import SubspaceNetwork
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
-from tmca.priors import interpolation
+from tmca.priors import SubspacePrior, interpolation
 from tmca.sensor import Noise, Sensor
 
 SMALL = {"rank": 3, "widths": [8], "blocks": 1, "stages": 2}
@@ -81,6 +84,27 @@ def test_it_comes_back_from_its_settings_and_weights():
     assert torch.equal(again.at(one.wavelengths)(*given), network.at(one.wavelengths)(*given))
 
 
+@pytest.mark.parametrize("dispersion", [1.0, 0.5])
+@pytest.mark.parametrize(("size", "tile"), [((131, 20), 50), ((203, 13), 37)])
+def test_tiles_leave_no_seam_in_estimate_or_deviation(dispersion, size, tile):
+    one = SpectralCamera([450e-9, 550e-9, 650e-9], size, 2, dispersion=dispersion)
+    scene, network = torch.rand(1, *one.scene_shape, generator=torch.Generator().manual_seed(1)), small()
+    network.start = "dagger"
+    given = network.at(one.wavelengths), TapOperator(one.taps()), Noise(0.01)
+    whole, tiled = (CollapsedNetwork(*given, tile=side).outputs(given[1].A(scene)) for side in (None, tile))
+    for one_part, other in zip(tiled, whole, strict=True):
+        torch.testing.assert_close(one_part, other, rtol=0, atol=1e-5)
+
+
+def test_in_double_precision_it_is_the_same():
+    one = camera()
+    snapshot, operator, noise, start = seen(one)
+    known = small().at(one.wavelengths)(snapshot, operator, noise, start)
+    exact = small().double().at(one.wavelengths)
+    estimate = exact(snapshot.double(), TapOperator(one.double().taps()), noise, start.double())
+    torch.testing.assert_close(estimate.float(), known, atol=1e-5, rtol=1e-4)
+
+
 def test_wavelengths_beyond_its_range_are_refused():
     with pytest.raises(SettingError, match="400 to 700 nm"):
         small().at([380e-9, 500e-9])
@@ -129,3 +153,22 @@ def test_it_serves_spectral_cameras_within_its_range_alone():
         weights.check(LightFieldCamera(views=3, size=(16, 16)))
     with pytest.raises(SettingError, match="brings none"):
         weights.camera_for((16, 16))
+
+
+def test_a_snapshot_in_double_precision_and_a_prior_of_ones_own_are_taken():
+    one = SpectralCamera(4, (16, 20), 2, sensor=Sensor(read_noise=0.01))
+    values = one(scene_of(one), generator=0)
+    known = decode(Snapshot(values, one), "network", weights=UNIVERSAL)
+    exact = decode(Snapshot(values.double(), one), "network", weights=UNIVERSAL)
+    torch.testing.assert_close(exact.values.float(), known.values)
+    flat = SubspacePrior(torch.full((2,), 0.3), torch.eye(2), torch.eye(2)[..., None, None], (400e-9, 700e-9))
+    flat = replace(flat, moments=torch.nn.functional.pad(0.01 * flat.moments, (0, 23, 0, 11)))
+    other = decode(Snapshot(values, one), "network", weights=UNIVERSAL, prior=flat)
+    assert (other.values - known.values).abs().max() > 0.01
+
+
+@pytest.mark.parametrize("name", ["beside", "relay_blur"])
+def test_optics_that_one_code_does_not_describe_are_refused_by_their_name(name):
+    one = SpectralCamera(4, (16, 20), 2, **{name: {"beside": (1, 1), "relay_blur": 0.7}[name]})
+    with pytest.raises(SettingError, match=f"{name}: found"):
+        decode(Snapshot(one(scene_of(one)), one), "network", weights=UNIVERSAL)

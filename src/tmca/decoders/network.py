@@ -67,6 +67,7 @@ class NetworkDecoder(Decoder):
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         network, path = prepared
+        values = values.to(next(network.network.parameters()).dtype)
         output = (
             network.outputs(values, progress) if isinstance(network, CollapsedNetwork) else network(values, progress)
         )

@@ -125,7 +125,7 @@ class SubspaceNetwork(Network):
         inverse = torch.linalg.solve(gram, spectra.mT) / len(spectra)
         place = (torch.tensor(wavelengths).to(spectra) * 1e9 - self.knots[0]) / (self.knots[-1] - self.knots[0])
         shapes = torch.cos(torch.pi * place[:, None] * torch.arange(_SHAPES).to(place))
-        return spectra.float(), inverse.float(), shapes.float()
+        return spectra.to(self.basis), inverse.to(self.basis), shapes.to(self.basis)
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:
         return self.moments(snapshot, operator, noise, start).estimate
