@@ -63,7 +63,7 @@ def live(
         export: folder of the export.
         decoder: one that `tmca decoders` lists for the camera; the camera's usual one without.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it.
-        weights: of a network: a file or run of `tmca train`, or default; the decoder is then network.
+        weights: of a network: a file or run of `tmca train`, default or universal; the decoder is then network.
         bank: file that stores what lmmse computes for camera, noise and prior, for the next start.
         uncertainty: also estimate every pixel's standard deviation.
         fast: lmmse in two thirds of the time, some hundredths of a dB below.
