@@ -147,6 +147,20 @@ def test_a_kind_that_no_camera_has_is_warned_of_where_decoders_are_listed(monkey
         DECODERS.pop("early")
 
 
+def test_a_kind_of_prior_that_there_is_not_is_warned_of_where_decoders_are_listed():
+    class Misspelt(Decoder):
+        name, label, cameras, prior_kind = "misspelt", "misspelt", frozenset({"spectral"}), "gausian"
+
+        def reconstruct(self, prepared, values, progress):
+            return values
+
+    try:
+        with pytest.warns(BrokenPlugin, match="decoder misspelt: prior_kind: found 'gausian'.*did you mean gaussian"):
+            assert decoders_for("spectral")["misspelt"] is Misspelt
+    finally:
+        DECODERS.pop("misspelt")
+
+
 def test_a_class_without_a_name_is_refused_in_one_line():
     class Nameless(Decoder):
         def reconstruct(self, prepared, values, progress):

@@ -9,13 +9,16 @@ import pytest
 import torch
 
 from tests.plugin_packages import install
+from tests.priors import test_conformance
 from tmca import SpectralCamera, read
 from tmca.cli import main
+from tmca.errors import SettingError
 from tmca.plugins import BrokenPlugin, load_plugins
 from tmca.priors import Prior, find_prior, learn_prior, load_prior, prior_kinds
 
 SOURCE = re.search(r"```python\n# my_package/flat_prior.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
+OWN = re.search(r"```python\n# my_package/levels.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 USE = re.search(r"```python\nimport my_package.flat_prior.*?\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
 
@@ -48,57 +51,30 @@ def test_it_is_learned_read_and_reconstructs(installed, capsys):
     assert json.loads(capsys.readouterr().out.partition("{")[2].join(("{", "")))
 
 
-OWN = '''
-from dataclasses import dataclass
-
-from matplotlib.figure import Figure
-from torch import Tensor
-
-from tmca.priors import Prior
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Levels(Prior):
-    """Not of Gaussian blocks, and two arrays in its file."""
-
-    kind, called, learned_by = "levels", "levels of scenes", "learn_prior(scenes, camera, 'levels')"
-    dimensions = {"low": ("band",), "high": ("band",)}
-    low: Tensor
-    high: Tensor
-    sources: tuple[str, ...] = ()
-    wavelengths: tuple[float, ...] | None = None
-
-    @property
-    def block(self):
-        return len(self.low), 1, 1
-
-    @classmethod
-    def learn(cls, cubes, block, *, sources=(), wavelengths=None, views=None):
-        values = cubes[0].double().flatten(1)
-        return cls(values.amin(1), values.amax(1), tuple(sources), wavelengths)
-
-    def sample(self, count, seed):
-        return self.low.expand(count, -1)[..., None, None]
-
-    def figure(self):
-        figure = Figure()
-        figure.add_subplot().plot(self.low)
-        return figure
-
-    def arrays(self):
-        return {"low": self.low, "high": self.high}
-
-    @classmethod
-    def from_arrays(cls, arrays, about):
-        return cls(arrays["low"], arrays["high"], about["sources"], about["wavelengths"])
-'''
-
-
 def test_one_of_another_form_is_drawn(installed, capsys):
     installed(OWN)
     learn_prior([read("coffee", bands=3, size=(32, 40))], SpectralCamera(bands=3), "levels").save("levels.nc")
     main(["prior", "show", "levels.nc"])
     assert Path("levels.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_of_another_form_conforms(installed, tmp_path):
+    installed(OWN)
+    assert "levels" in prior_kinds()
+    test_conformance.test_it_comes_back_from_its_file("levels", tmp_path)
+    test_conformance.test_samples_are_blocks_and_the_seed_alone_decides_them("levels")
+    test_conformance.test_it_is_drawn_and_says_what_it_is("levels")
+    test_conformance.test_no_samples_are_refused("levels")
+    test_conformance.test_cameras_of_other_bands_or_views_are_refused("levels")
+
+
+@pytest.mark.parametrize("part", ["called", "learned_by", "dimensions"])
+def test_one_without_a_part_is_told_which(part):
+    parts = {"kind": "bare", "called": "a bare prior", "learned_by": "nobody", "dimensions": {"low": ("band",)}}
+    with pytest.raises(SettingError, match="give the class one") as refusal:
+        type("Bare", (Prior,), {**parts, part: ""})
+    assert refusal.value.where.endswith(f"Bare.{part}")
+    assert "bare" not in Prior.kinds
 
 
 @pytest.mark.slow

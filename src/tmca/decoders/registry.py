@@ -12,6 +12,7 @@ from tmca.arguments import checked_settings, settings_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.errors import SettingError, check_choice
 from tmca.plugins import BrokenPlugin, load_plugins
+from tmca.priors import Prior, prior_kinds
 
 if TYPE_CHECKING:
     from tmca.decoders.decoder import Decoder
@@ -25,18 +26,26 @@ def decoders() -> Mapping[str, type[Decoder]]:
     """All decoders by name, those of plug-ins included.
 
     Warns:
-        BrokenPlugin: one that names a kind of camera that there is not.
+        BrokenPlugin: one that names a kind of camera or of prior that there is not.
     """
     load_plugins("tmca.decoders", _registered, "a subclass of Decoder with name, label and cameras")
-    unknown = [(name, kind) for name, cls in DECODERS.items() for kind in cls.cameras if kind not in CAMERAS]
-    if unknown:
+    cameras = [(name, kind) for name, cls in DECODERS.items() for kind in cls.cameras if kind not in CAMERAS]
+    if cameras:
         load_cameras()
-    for name, kind in unknown:
+        _warn_of("cameras", cameras, CAMERAS)
+    known = (None, *Prior.kinds)
+    priors = [(name, cls.prior_kind) for name, cls in DECODERS.items() if cls.prior_kind not in known]
+    if priors:
+        _warn_of("prior_kind", priors, prior_kinds())
+    return DECODERS
+
+
+def _warn_of(part: str, named: list[tuple[str, Any]], choices: Collection[str]) -> None:
+    for name, kind in named:
         try:
-            check_choice(f"decoder {name}: cameras", kind, CAMERAS)
+            check_choice(f"decoder {name}: {part}", kind, choices)
         except SettingError as error:
             warn(str(error), BrokenPlugin, stacklevel=1)  # from one line, so that it is told once
-    return DECODERS
 
 
 def _registered() -> Collection[type[Decoder]]:

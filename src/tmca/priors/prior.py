@@ -169,11 +169,16 @@ class Prior(ABC):
 
 
 def _register(cls: type[Prior]) -> None:
-    """Raises SettingError where another module has a prior of that kind."""
+    """Raises SettingError where another module has a prior of that kind, or a part of it is missing."""
+    where = f"{cls.__module__}.{cls.__qualname__}"
     before = Prior.kinds.get(cls.kind, cls)
     if before.__module__ != cls.__module__:
-        where = f"{cls.__module__}.{cls.__qualname__}.kind"
-        raise SettingError(where, f"{cls.kind!r}, which {before.__module__} has", "a kind of its own")
+        raise SettingError(f"{where}.kind", f"{cls.kind!r}, which {before.__module__} has", "a kind of its own")
+    for part, kind in (("called", str), ("learned_by", str), ("dimensions", Mapping)):
+        value = getattr(cls, part, None)
+        if not (isinstance(value, kind) and value):
+            wanted = "axes of every array, by name" if part == "dimensions" else "a short text"
+            raise SettingError(f"{where}.{part}", repr(value), wanted, "give the class one")
     cls.in_files = vars(cls).get("in_files", "")
     Prior.kinds[cls.kind] = cls
 
