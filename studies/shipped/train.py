@@ -232,7 +232,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     fitting.add_argument("--out", type=Path, default=Path())
     fitting.add_argument("--device", default="auto", help="auto: cuda where there is one, else cpu")
     fitting.add_argument("--fresh", action="store_true", help=f"begin anew, whatever {STATE} holds")
-    numbers = {"seconds": 600.0, "drawing": 70.0, "cameras": 64, "scenes": 16, "batch": 4, "benchmark": 0.3}
+    numbers = {"seconds": 600.0, "drawing": 70.0, "cameras": 64, "scenes": 16, "batch": 6, "benchmark": 0.3}
     for name, value in {**numbers, "seed": 0, "size": SIZE[0]}.items():
         fitting.add_argument(f"--{name}", type=type(value), default=value)
     shipping = commands.add_parser("ship")

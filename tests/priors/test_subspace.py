@@ -10,7 +10,7 @@ from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.cli import main
 from tmca.data import write_dataset
 from tmca.errors import SettingError, ShapeError
-from tmca.priors import GaussianPrior, SubspacePrior, find_prior, interpolation, learn_prior
+from tmca.priors import GaussianPrior, NarrowBlocks, SubspacePrior, find_prior, interpolation, learn_prior
 
 KNOTS = tuple(1e-9 * v for v in (400.0, 450.0, 520.0, 600.0, 700.0))
 
@@ -114,3 +114,16 @@ def test_the_command_line_learns_one_from_all_bands(capsys, tmp_path):
     assert len(prior.sources) == 2
     line = refused(capsys, "prior", "learn", *given, "--any-bands", "--mixture", "--out", tmp_path / "q.nc")
     assert "--any-bands and --mixture" in line
+
+
+def test_a_wider_dispersion_than_it_was_learned_for_is_warned_of():
+    prior = SubspacePrior.learn(cubes(), (3, 9), rank=2, wavelengths=KNOTS)
+    camera = SpectralCamera([450e-9, 500e-9], (9, 30), 1, dispersion=4.0)
+    with pytest.warns(NarrowBlocks, match="24 are wanted"):
+        assert find_prior(camera, prior).block == (2, 3, 9)
+
+
+def test_it_is_not_learned_from_light_fields():
+    axes = ("view_v", "view_u", "y", "x")
+    with pytest.raises(SettingError, match="learned from cubes"):
+        learn_prior(xr.DataArray(torch.rand(2, 2, 16, 16).numpy(), dims=axes), kind="subspace")

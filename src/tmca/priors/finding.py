@@ -11,6 +11,7 @@ from functools import partial
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 from tmca.arguments import described
 from tmca.errors import DataError, SettingError, check_choice, check_range
@@ -38,6 +39,10 @@ _FROM_SCENES = ("sources", "wavelengths", "views", "seed", "progress")
 """Arguments of ``learn`` that are no settings of a kind."""
 
 
+class NarrowBlocks(UserWarning):
+    """A prior of any bands whose blocks see little of a wide dispersion: estimates suffer."""
+
+
 def find_prior(
     camera: Any,
     given: str | Path | Prior | None = None,
@@ -62,13 +67,20 @@ def find_prior(
         DataError: no such file, or no prior in it.
         SettingError: a prior of another kind or at other bands, or a camera for which nothing is rendered.
         ShapeError: another number of bands or views.
+
+    Warns:
+        NarrowBlocks: a prior of any bands that was learned for less dispersion.
     """
     _check_camera(camera)
     if given is None:
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
     if isinstance(prior, Prior) and prior.any_bands and kind == "gaussian" and camera.views is None:
-        prior = prior.at(camera.wavelengths, block or block_of(camera, prior.kind))
+        wanted = block or block_of(camera, prior.kind)
+        if wanted[1] > prior.block[2]:
+            text = f"the prior's blocks of {prior.block[2]} columns are narrow for a dispersion of so many columns"
+            warn(f"{text}: {wanted[1]} are wanted; learn one with a larger --spread", NarrowBlocks, stacklevel=2)
+        prior = prior.at(camera.wavelengths, wanted)
     check_kind(prior, kind)
     prior.check(camera)
     return prior
@@ -253,6 +265,8 @@ def _learner(kind: str, settings: dict[str, Any], views: tuple[int, int] | None)
     """The class of a kind; SettingError for a kind that there is not or not of cubes, or a setting it does not have."""
     check_choice("kind", kind, prior_kinds())
     cls = Prior.kinds[kind]
+    if cls.any_bands and views is not None:
+        raise SettingError("kind", f"{kind!r} for light fields", "another: it is learned from cubes")
     if cls.of_views and views is None:
         raise SettingError("kind", f"{kind!r} for cubes", "another: it is learned from light fields")
     names = [one.name for one in _keywords(cls)]
