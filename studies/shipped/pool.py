@@ -12,9 +12,10 @@ from torch import Tensor
 
 from studies.shipped.scenes import drawn_scene
 from tmca.cameras import SpectralCamera
-from tmca.decoders import PatchEstimator, SubspaceNetwork
+from tmca.decoders import SubspaceNetwork, first_estimate
+from tmca.metrics import psnr
 from tmca.operators import TapOperator, Taps
-from tmca.priors import SubspacePrior, block_of, interpolation
+from tmca.priors import SubspacePrior, find_prior, interpolation
 from tmca.sensor import Noise
 
 KNOTS = 1e-9 * np.linspace(400, 700, 31)
@@ -22,8 +23,6 @@ _BANDS = [453.3, 457.6, 462.1, 466.8, 471.6, 476.5, 481.6, 486.9, 492.4, 498.0, 
 _BANDS += [529.5, 536.5, 543.8, 551.4, 558.6, 567.5, 575.3, 584.3, 594.4, 604.2, 614.4, 625.1, 636.3, 648.1]
 TSA = 1e-9 * np.array(_BANDS)
 """Bands of the usual simulation benchmark (Meng, Ma and Yuan 2020), metres."""
-QUIET = 5e-4
-"""Read noise that first estimates assume at least, as where the network is used."""
 _CODES: dict[str, dict[str, Any]] = {
     "static": {"slots": 1, "aperture": "static", "shutter": "open"},
     "dual": {"slots": 1, "aperture": "static", "shutter": "open", "disperser": "dual"},
@@ -87,18 +86,12 @@ def example(
     part = (slice(None), *(slice(side) for side in camera.size))
     scenes = torch.stack([torch.einsum("lk,khw->lhw", between, scene[part]) for scene in drawn]).to(device)
     taps = replace(camera.taps(), code=camera.taps().code.detach().to(device))
-    exact = TapOperator(taps).A(scenes)
+    operator = TapOperator(taps)
+    exact = operator.A(scenes)
     white = torch.randn(exact.shape, generator=torch.Generator().manual_seed(int(rng.integers(2**30))))
     snapshots = exact + noise.variance(exact).sqrt() * white.to(device)
-    fitting = prior.at(camera.wavelengths, block_of(camera, "subspace"))
-    quiet = Noise(max(noise.read, QUIET), noise.shot)
-    starts = PatchEstimator(fitting, taps, quiet, dtype=torch.float32)(snapshots).estimate
+    starts = first_estimate("lmmse", snapshots, operator, noise, find_prior(camera, prior))
     return Example(taps, noise, camera.wavelengths, scenes.half(), snapshots, starts.half())
-
-
-def decibels(estimate: Tensor, truth: Tensor) -> Tensor:
-    """(N,) PSNR of estimates clipped to [0, 1], peak 1."""
-    return -10 * torch.log10((estimate.clamp(0, 1) - truth).square().mean((1, 2, 3)))
 
 
 def gains(network: SubspaceNetwork, one: Example) -> list[tuple[float, float]]:
@@ -107,6 +100,6 @@ def gains(network: SubspaceNetwork, one: Example) -> list[tuple[float, float]]:
     for index in range(len(one.scenes)):
         truth, snapshot, operator, start = one.part(slice(None), torch.tensor([index], device=one.scenes.device))
         estimate = network.at(one.wavelengths)(snapshot, operator, one.noise, start)
-        before, after = (float(decibels(part, truth)[0]) for part in (start, estimate))
+        before, after = (psnr(part.clamp(0, 1).cpu(), truth.cpu()) for part in (start, estimate))
         rows.append((before, after - before))
     return rows

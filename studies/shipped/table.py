@@ -20,10 +20,11 @@ from scipy.io import loadmat
 from scipy.stats import spearmanr
 from torch import Tensor
 
-from studies.shipped.pool import KNOTS, TSA, decibels
+from studies.shipped.pool import KNOTS, TSA
 from tmca.cameras import SpectralCamera
 from tmca.data import read
 from tmca.decoders import Weights, first_estimate
+from tmca.metrics import psnr
 from tmca.operators import TapOperator
 from tmca.plots import reconstruction_figure, save_figure
 from tmca.priors import interpolation
@@ -74,7 +75,8 @@ def decoded(camera: SpectralCamera, scene: Tensor) -> tuple[dict[str, float], di
     between = time.process_time()
     moments = network.moments(values, operator, camera.noise, first)
     seconds = {"lmmse_seconds": between - begun, "network_seconds": time.process_time() - begun}
-    figures = {"lmmse": float(decibels(first, scene[None])[0]), "network": float(decibels(moments[0], scene[None])[0])}
+    estimates = {"lmmse": first, "network": moments.estimate}
+    figures = {name: psnr(values.clamp(0, 1), scene[None]) for name, values in estimates.items()}
     figures |= {**seconds, **certainty(moments.estimate[0], moments.deviation[0], scene)}
     return figures, {"LMMSE": first[0], "network": moments.estimate[0], "deviation": moments.deviation[0]}
 
