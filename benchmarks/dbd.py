@@ -11,12 +11,11 @@ import argparse
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
-from memory import peak_memory
 from threadpoolctl import threadpool_limits
+from timing import Clock, peak_memory
 
 from tmca.dbd import simulate, solve
 from tmca.dbd.dual import solve_cvx
@@ -30,13 +29,11 @@ def pair(sizes: tuple[int, ...], seed: int) -> dict[str, float]:
     problem = simulate(*sizes, seed=seed)
     seconds = {}
     for method in ("sfw", "sdp"):
-        began = time.perf_counter()
         recovery = solve(problem, method, certify=False)
-        seconds[method] = time.perf_counter() - began
+        seconds[method] = recovery.seconds
         assert recovery.score(tolerance=1e-4).success, (method, sizes, seed)
-    began = time.perf_counter()
-    solve_cvx(problem, solver="SCS", eps=1e-4)
-    return seconds | {"scs": time.perf_counter() - began}
+    scs = Clock(wall=True).seconds(lambda: solve_cvx(problem, solver="SCS", eps=1e-4))
+    return seconds | {"scs": scs}
 
 
 def compared(seeds: int) -> tuple[dict[str, dict[str, float]], bool]:
@@ -53,14 +50,10 @@ def compared(seeds: int) -> tuple[dict[str, dict[str, float]], bool]:
 def large(name: str) -> dict[str, float]:
     """Seconds, successes and memory of a large size; in a process of its own, for the memory."""
     sizes, draws, _, _ = LARGE[name]
-    seconds, successes = [], 0
-    for seed in range(draws):
-        problem = simulate(*sizes, seed=seed)
-        began = time.perf_counter()
-        recovery = solve(problem, certify=False)
-        seconds.append(time.perf_counter() - began)
-        successes += recovery.score().success
-    return {"successes": successes, "draws": draws, "max_s": max(seconds), "gb": peak_memory()}
+    found = [solve(simulate(*sizes, seed=seed), certify=False) for seed in range(draws)]
+    seconds = max(recovery.seconds for recovery in found)
+    successes = sum(recovery.score().success for recovery in found)
+    return {"successes": successes, "draws": draws, "max_s": seconds, "gb": peak_memory()}
 
 
 def page(found: dict[str, dict[str, float]], seeds: int) -> str:

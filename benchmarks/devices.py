@@ -7,29 +7,16 @@ next frame; the network that comes with tmca. Wall time, medians; largest differ
 from __future__ import annotations
 
 import argparse
-import statistics
-import time
 from collections.abc import Callable
 
 import torch
+from timing import Clock
 
 import tmca
 from tmca.decoders import make_decoder
 from tmca.priors import find_prior
 
 SIZE = (256, 256)
-
-
-def seconds(task: Callable[[], object], device: str, repeats: int) -> float:
-    """Median wall time of a task, after one round to warm up."""
-    times = []
-    for _ in range(repeats + 1):
-        start = time.perf_counter()
-        task()
-        if device != "cpu":
-            torch.cuda.synchronize()
-        times.append(time.perf_counter() - start)
-    return statistics.median(times[1:])
 
 
 def tasks(snapshot: tmca.Snapshot, prior: object) -> dict[str, Callable[[], torch.Tensor]]:
@@ -70,8 +57,10 @@ def main() -> None:
     there = here.to(given.device)
     print(f"{'':22s} {'CPU, ms':>10s} {given.device + ', ms':>10s} {'difference':>11s}")
     ours, others = tasks(here, prior), tasks(there, prior)
+    clocks = Clock(wall=True), Clock(given.device, wall=True)
     for name, task in ours.items():
-        first, second = seconds(task, "cpu", min(given.repeats, 2)), seconds(others[name], given.device, given.repeats)
+        first = clocks[0].median(task, min(given.repeats, 2))
+        second = clocks[1].median(others[name], given.repeats)
         apart = float((task() - others[name]().cpu()).abs().max())
         print(f"{name:22s} {1e3 * first:10.2f} {1e3 * second:10.2f} {apart:11.1e}", flush=True)
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
-import time
 from collections.abc import Callable
 from typing import TypeVar
 
 import torch
+from timing import Clock, peak_memory
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
@@ -58,15 +57,12 @@ class Steps:
 
     def run(self, name: str, step: Callable[[], Result]) -> Result:
         """Do a step."""
-        start = time.process_time()
-        result = step()
-        seconds, peak = time.process_time() - start, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        self.found[name] = {"seconds": seconds, "microseconds a pixel": seconds / self.pixels * 1e6, "peak GiB": peak}
-        print(
-            f"{name:12s} {seconds:8.1f} s {seconds / self.pixels * 1e6:8.2f} µs a pixel, peak {peak:.2f} GiB",
-            flush=True,
-        )
-        return result
+        made: list[Result] = []
+        seconds, peak = Clock().seconds(lambda: made.append(step())), peak_memory()
+        each = seconds / self.pixels * 1e6
+        self.found[name] = {"seconds": seconds, "microseconds a pixel": each, "peak GB": peak}
+        print(f"{name:12s} {seconds:8.1f} s {each:8.2f} µs a pixel, peak {peak:.2f} GB", flush=True)
+        return made.pop()
 
 
 def snapshot_of(camera: SpectralDepthCamera, steps: Steps) -> Tensor:

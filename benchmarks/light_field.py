@@ -6,11 +6,10 @@ code and forward ≤ 0.6 of slot by slot.
 
 from __future__ import annotations
 
-import json
 from itertools import product
 
 import torch
-from timing import asked, milliseconds
+from timing import asked, milliseconds, show
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -57,13 +56,7 @@ def main() -> None:
     times = measure(arguments.repeats)
     ratios = {name: times[name] / times["copy"] for name in ("forward", "adjoint")}
     ratios["code + forward / slot by slot"] = times["code + forward, batch"] / times["slot by slot, batch"]
-    if arguments.json:
-        print(json.dumps({"milliseconds": times, "ratios": ratios, "bounds": BOUNDS}, indent=1))
-        return
-    for name, value in times.items():
-        print(f"{name:32s} {value:8.2f} ms")
-    for name, value in ratios.items():
-        print(f"{name:32s} {value:8.2f}  (bound {BOUNDS[name]:g})")
+    show({"milliseconds": times, "ratios": ratios}, {"ratios": BOUNDS}, arguments.json)
 
 
 if __name__ == "__main__":

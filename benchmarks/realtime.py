@@ -6,11 +6,8 @@ coffee; LMMSE with its standard deviation. One thread, CPU time, medians.
 
 from __future__ import annotations
 
-import json
-import time
-
 import torch
-from timing import asked, milliseconds
+from timing import Clock, asked, milliseconds, show
 
 import tmca
 from tmca.decoders import PatchEstimator
@@ -31,9 +28,7 @@ def measured(settings: dict[str, object], repeats: int) -> dict[str, float]:
     estimator = PatchEstimator(find_prior(camera), camera.taps(), camera.noise)
     solved = milliseconds(lambda: estimator(frame, uncertainty=True), max(1, repeats // 5))
     before = estimator(frame, uncertainty=True)
-    start = time.process_time()
-    estimator.precompute()
-    prepared = 1e3 * (time.process_time() - start)
+    prepared = 1e3 * Clock().seconds(estimator.precompute)
     after = estimator(frame, uncertainty=True)
     rows = {
         "solved anew (ms)": solved,
@@ -55,13 +50,7 @@ def main() -> None:
     torch.set_num_threads(1)
     with torch.no_grad():
         rows = {name: measured(settings, arguments.repeats) for name, settings in CAMERAS.items()}
-    if arguments.json:
-        print(json.dumps(rows))
-        return
-    for name, row in rows.items():
-        print(name)
-        for what, value in row.items():
-            print(f"  {what:24s} {value:10.3g}")
+    show(rows, {}, arguments.json)
 
 
 if __name__ == "__main__":

@@ -19,66 +19,14 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from memory import forget_peak, peak_memory
+from timing import Clock
 
 Row = dict[str, Any]
 KINDS = ("spectral", "spectral, TSA-Net", "light field", "spectral-depth", "pixel shutter")
-_LEAST, _PASSES = 0.5, 20
-"""Seconds, and most passes, of a median."""
-
-
-class Clock:
-    """Seconds and peak memory on a device."""
-
-    def __init__(self, device: str, threads: int) -> None:
-        import torch
-
-        self.cuda = torch.device(device).type == "cuda"
-        self.now = time.process_time if threads == 1 and not self.cuda else time.perf_counter
-        self.name = "CPU time" if self.now is time.process_time else "wall time"
-
-    def seconds(self, task: Callable[[], object]) -> float:
-        """Of a task, with all that it asked the device for."""
-        self._wait()
-        began = self.now()
-        task()
-        self._wait()
-        return self.now() - began
-
-    def median(self, task: Callable[[], object]) -> float:
-        """Of a short task, once it is warm."""
-        task()
-        times: list[float] = []
-        while len(times) < 3 or (sum(times) < _LEAST and len(times) < _PASSES):
-            times.append(self.seconds(task))
-        return statistics.median(times)
-
-    def forget_peak(self) -> None:
-        if self.cuda:
-            import torch
-
-            torch.cuda.reset_peak_memory_stats()
-        else:
-            forget_peak()
-
-    def peak(self) -> float:
-        """GB since then."""
-        if self.cuda:
-            import torch
-
-            return torch.cuda.max_memory_allocated() / 1e9
-        return peak_memory()
-
-    def _wait(self) -> None:
-        if self.cuda:
-            import torch
-
-            torch.cuda.synchronize()
 
 
 def one_row(kind: str, stage: str, name: str, options: argparse.Namespace) -> None:
@@ -89,7 +37,7 @@ def one_row(kind: str, stage: str, name: str, options: argparse.Namespace) -> No
     from tmca.errors import SettingError
 
     torch.set_num_threads(options.threads)
-    clock = Clock(options.device, options.threads)
+    clock = Clock(options.device, wall=options.threads > 1)
     case = case_of(kind, options.sizes[kind], options.folder, options.device, options.threads)
     clock.forget_peak()
     if stage == "prepare":
@@ -171,7 +119,7 @@ def page(found: dict[str, dict[str, dict[str, Row]]], options: argparse.Namespac
 
     from tmca.evaluation.tables import repository_commit
 
-    clock = Clock(options.device, options.threads).name
+    clock = Clock(options.device, wall=options.threads > 1).name
     command = shlex.join(["python", "benchmarks/reconstruction.py", *options.given])
     where = torch.cuda.get_device_name() if options.device.startswith("cuda") else platform.machine()
     threads = "one thread" if options.threads == 1 else f"{options.threads} threads"

@@ -37,8 +37,10 @@ from tmca.operators import TapOperator
 from tmca.optics import DepthPlanes
 from tmca.priors import PatchDictionary, find_prior, learn_prior
 from tmca.sensor import Sensor
+from tmca.training import TRAININGS
 
 NETWORKS = {name: network.decoder for name, network in read_study("light-field").networks.items()}
+NETWORKS["thesis"] = TRAININGS["light-field"].presets["thesis"]["decoder"]
 
 SIZES = {
     "spectral": "256x256x12",

@@ -7,11 +7,8 @@ buckets ≤ 2.2 times one.
 
 from __future__ import annotations
 
-import json
-import resource
-
 import torch
-from timing import asked, milliseconds, times_as_long
+from timing import asked, milliseconds, peak_memory, show, times_as_long
 from torch import Tensor
 
 from tmca.codes import pattern
@@ -43,13 +40,18 @@ def slot_by_slot(scene: Tensor, aperture: Tensor, shutter: Tensor) -> Tensor:
     return snapshot / len(aperture)
 
 
-def measure(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
+def planes(shape: tuple[int, int, int, int]) -> tuple[Tensor, Tensor, Dispersion]:
+    """Aperture, shutter and dispersion of scenes of a shape."""
     _, bands, rows, columns = shape
     dispersion = Dispersion.linear(bands)
+    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1)
+    return pattern("random", SLOTS, (rows, columns)), shutter, dispersion
+
+
+def measure(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
     scene, target = torch.rand(shape), torch.empty(shape)
-    aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
-    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1).requires_grad_()
-    fixed = (aperture.detach(), shutter.detach())
+    *fixed, dispersion = planes(shape)
+    aperture, shutter = (plane.clone().requires_grad_() for plane in fixed)
     operator = single_disperser(*fixed, dispersion)
     snapshot = operator.A(scene)
 
@@ -71,10 +73,7 @@ def measure(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
 
 def bucket_ratios(shape: tuple[int, int, int, int], repeats: int) -> dict[str, float]:
     """Two buckets over one, forward and adjoint."""
-    _, bands, rows, columns = shape
-    dispersion, scene = Dispersion.linear(bands), torch.rand(shape)
-    aperture = pattern("random", SLOTS, (rows, columns))
-    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1)
+    scene, (aperture, shutter, dispersion) = torch.rand(shape), planes(shape)
     one, other = (single_disperser(aperture, shown, dispersion) for shown in (shutter, 1 - shutter))
     two = of_buckets([one, other])
     first, both = one.A(scene), two.A(scene)
@@ -88,11 +87,8 @@ def cubes_of_memory(shape: tuple[int, int, int, int]) -> float:
     """Peak of forward and backward above the scene, the codes and their gradients, in cubes (the allocator's count)."""
     from torch.profiler import ProfilerActivity, profile
 
-    _, bands, rows, columns = shape
-    dispersion = Dispersion.linear(bands)
-    scene = torch.rand(shape, requires_grad=True)
-    aperture = pattern("random", SLOTS, (rows, columns)).requires_grad_()
-    shutter = pattern("random", SLOTS, (rows, columns + dispersion.extent), seed=1).requires_grad_()
+    *fixed, dispersion = planes(shape)
+    scene, aperture, shutter = (part.requires_grad_() for part in (torch.rand(shape), *fixed))
     with profile(activities=[ProfilerActivity.CPU], profile_memory=True) as record:
         single_disperser(aperture, shutter, dispersion).A(scene).square().sum().backward()
     level = peak = 0
@@ -106,30 +102,18 @@ def cubes_of_memory(shape: tuple[int, int, int, int]) -> float:
 def main() -> None:
     options = asked(__doc__, 50)
     torch.set_num_threads(1)
-    report = {}
+    found, bounds = {}, {}
     for shape in SHAPES:
         times = measure(shape, options.repeats)
         ratios = {name: times[name] / times["copy"] for name in ("forward", "adjoint", "gradient to codes")}
         ratios["code + forward / slot by slot"] = times["code + forward"] / times["slot by slot"]
         ratios |= bucket_ratios(shape, options.repeats)
         ratios["memory of forward + backward, cubes"] = cubes_of_memory(shape)
-        report["×".join(map(str, shape))] = {"milliseconds": times, "ratios": ratios}
-    report["peak resident memory, MB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    if options.json:
-        print(json.dumps(report, indent=1))
-        return
-    for shape in SHAPES:
-        entry = report["×".join(map(str, shape))]
-        print("×".join(map(str, shape)))
-        for name, value in entry["milliseconds"].items():
-            print(f"  {name:32s} {value:8.2f} ms")
-        for name, value in entry["ratios"].items():
-            bound = (
-                f"(bound {BOUNDS[name]})"
-                if (name in BOUNDS and shape == SHAPES[0]) or name in ("forward", "adjoint")
-                else ""
-            )
-            print(f"  {name:36s} {value:6.2f} {bound}")
+        size = "×".join(map(str, shape))
+        found |= {f"{size}, milliseconds": times, f"{size}, ratios": ratios}
+        bounded = BOUNDS if shape == SHAPES[0] else ("forward", "adjoint")
+        bounds[f"{size}, ratios"] = {name: BOUNDS[name] for name in bounded}
+    show(found | {"memory": {"peak, GB": peak_memory()}}, bounds, options.json)
 
 
 if __name__ == "__main__":

@@ -15,13 +15,12 @@ a band stay in the cache, while its transfer functions, 211 MB in all at K = 4, 
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 
 import torch
-from timing import asked, milliseconds
+from timing import asked, milliseconds, show
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
@@ -116,12 +115,7 @@ def main() -> None:
     arguments = asked(__doc__, 5)
     torch.set_num_threads(1)
     found = measure_light(arguments.repeats) | measure_layers(arguments.repeats)
-    if arguments.json:
-        print(json.dumps({"found": found, "bounds": BOUNDS}, indent=1))
-    else:
-        for name, value in found.items():
-            bound = BOUNDS.get(name)
-            print(f"{name:24s} {value:8.2f}" + (f"  (bound {bound:g})" if bound else ""))
+    show({"passes": found}, {"passes": BOUNDS}, arguments.json)
     sys.exit(0 if all(found[name] <= bound for name, bound in BOUNDS.items()) else 1)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from unittest.mock import patch
 
 import torch
-from spectral import milliseconds
+from timing import milliseconds
 
 from tmca.cameras import SpectralCamera
 from tmca.decoders import build_network
