@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi
 from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import Camera, CodedCamera
+from tmca.cameras.camera import Camera
 from tmca.cameras.light_field import LightFieldCamera
 from tmca.cameras.spectral import SpectralCamera
 from tmca.cameras.spectral_depth import PhaseCodes, SpectralDepthCamera
@@ -45,13 +46,14 @@ def imperfect(camera: SomeCamera, hardware: Hardware, seed: int = 0, outside: Ou
     hardware.check(camera.kind, camera.buckets)
     if not set(hardware.faults()) - {"motion"}:  # of the scene, not of the camera
         return camera
+    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed, camera.buckets)
     parts: dict[str, Any] = {}
     if isinstance(camera, SpectralCamera):
-        parts = _spectral(camera, hardware, seed, outside)
+        parts = _spectral(camera, hardware, faults, outside)
     elif isinstance(camera, LightFieldCamera):
-        parts = _light_field(camera, hardware, seed, outside)
+        parts = _light_field(camera, hardware, faults, outside)
     elif isinstance(camera, SpectralDepthCamera):
-        parts = _spectral_depth(camera, hardware, seed)
+        parts = _spectral_depth(camera, hardware, faults, seed)
     return camera.replace(**parts, sensor=defective(camera.sensor, hardware, seed, camera.buckets))
 
 
@@ -69,7 +71,7 @@ def defective(sensor: Sensor, hardware: Hardware, seed: int = 0, buckets: int = 
     return DefectiveSensor(hardware, seed, buckets, **sensor.settings())
 
 
-def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Outside) -> dict[str, Any]:
+def _spectral(camera: SpectralCamera, hardware: Hardware, faults: ShutterFaults, outside: Outside) -> dict[str, Any]:
     for name in ("dispersion_error", "blur"):
         if camera.disperser == "dual" and getattr(hardware, name):
             raise SettingError(name, f"{getattr(hardware, name):g}", "0 with a dual disperser")
@@ -84,7 +86,8 @@ def _spectral(camera: SpectralCamera, hardware: Hardware, seed: int, outside: Ou
         _check_coloured(hardware)
         coloured = misplaced(camera.coloured, hardware.shift, hardware.magnification, hardware.rotation)
         return {**parts, "coloured": coloured}
-    return {**parts, "codes": _faulty_codes(camera, hardware, seed, camera.codes()[0].shape[1:], outside=outside)}
+    rows, columns = camera.codes()[0].shape[1:]
+    return {**parts, "codes": FaultyCodes(camera.codes, faults, hardware, (rows, columns), outside=outside)}
 
 
 def _dispersed(dispersion: Dispersion, error: float) -> dict[str, Any]:
@@ -103,20 +106,18 @@ def _check_coloured(hardware: Hardware) -> None:
             raise SettingError(name, str(value), f"none of a coloured aperture, which has {', '.join(COLOURED)}")
 
 
-def _light_field(camera: LightFieldCamera, hardware: Hardware, seed: int, outside: Outside) -> dict[str, Any]:
+def _light_field(
+    camera: LightFieldCamera, hardware: Hardware, faults: ShutterFaults, outside: Outside
+) -> dict[str, Any]:
     y, x = (step * (1 + hardware.shear_error) for step in camera.shear.step)
     size = ViewShear(camera.views, (y, x), camera.shear.scale).mask_size(camera.size)
-    codes = _faulty_codes(camera, hardware, seed, size, blur=hardware.blur, outside=outside)
+    codes = FaultyCodes(camera.codes, faults, hardware, size, blur=hardware.blur, outside=outside)
     return {"shear": (y, x), "codes": codes}
 
 
-def _faulty_codes(camera: CodedCamera, hardware: Hardware, seed: int, size: Any, **how: Any) -> FaultyCodes:
-    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed, camera.buckets)
-    return FaultyCodes(camera.codes, faults, hardware, (int(size[0]), int(size[1])), **how)
-
-
-def _spectral_depth(camera: SpectralDepthCamera, hardware: Hardware, seed: int) -> dict[str, Any]:
-    faults = ShutterFaults(hardware, camera.slots, camera.size[0], seed, camera.buckets)
+def _spectral_depth(
+    camera: SpectralDepthCamera, hardware: Hardware, faults: ShutterFaults, seed: int
+) -> dict[str, Any]:
     optics = camera.point_spread
     if hardware.height_error or hardware.wavefront_error:
         path = aberration(hardware.wavefront_error, optics.heights.size, seed)
@@ -278,6 +279,7 @@ def aberrated(waves: Tensor, path: Tensor, wavelengths: tuple[float, ...]) -> Te
     return waves * torch.polar(torch.ones_like(turns), 2 * pi * turns).to(waves)
 
 
+@dataclass(frozen=True)
 class WideDispersion(Dispersion):
     """A dispersion on a sensor that is wider than it needs.
 
@@ -287,20 +289,18 @@ class WideDispersion(Dispersion):
         wider: columns that the snapshot is wider than the scene.
     """
 
-    def __init__(self, displacement: tuple[float, ...], first: int, wider: int) -> None:
-        super().__init__(displacement)
-        object.__setattr__(self, "first", first)
-        object.__setattr__(self, "wider", wider)
+    first: int
+    wider: int
 
     @property
     def origin(self) -> int:
-        """Scene column on which snapshot column 0 lies, pixels."""
-        return int(self.first)  # type: ignore[attr-defined]
+        """See ``first``."""
+        return self.first
 
     @property
     def extent(self) -> int:
-        """Columns that the snapshot is wider than the scene."""
-        return int(self.wider)  # type: ignore[attr-defined]
+        """See ``wider``."""
+        return self.wider
 
 
 class DefectiveSensor(Sensor):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.numbers import MaybeWhole, On, Whole
+from tmca.cli.options.numbers import MaybeWhole, On, Whole, numbers
 from tmca.cli.options.output import check_figure, check_targets, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
@@ -82,7 +82,8 @@ def simulate(
         problem = simulated(
             frequencies, pulses, subspace, *counts, messages, seed or 0, snr,
             basis=basis, antennas=antennas, symbol_ratio=_ratio(symbol_ratio), lag=lag, late_samples=late_samples,
-            separation=_separation(separation), known_waveforms=known_waveforms,
+            separation=None if separation is None else numbers(separation, "--separation"),
+            known_waveforms=known_waveforms,
         )  # fmt: skip
     save_problem(problem, out, overwrite=overwrite)
     _tell(problem, out)
@@ -144,7 +145,7 @@ def solve(
         raise SettingError("--sigma", "--unknown-noise as well", "one of them")
     if sigma is not None or unknown_noise:
         problem = replace(problem, sigma=None if unknown_noise else sigma)
-    shares = _weights(weights)
+    shares: Any = weights if weights in (None, "balanced") else numbers(str(weights), "--weights")
     with progress_bar(f"solve {file.name}") as progress:
         recovery = solved(
             problem, method, certify=certify, gram=gram, weights=shares, solver=solver, accuracy=accuracy,
@@ -281,20 +282,3 @@ def _ratio(text: str) -> Any:
         return Fraction(text)
     except (ValueError, ZeroDivisionError) as error:
         raise SettingError("--symbol-ratio", repr(text), "a number such as 3 or 1/2") from error
-
-
-def _separation(text: str | None) -> Any:
-    from tmca.cli.options.numbers import numbers
-
-    if text is None:
-        return None
-    return numbers(text, "--separation")
-
-
-def _weights(text: str | None) -> Any:
-    from tmca.cli.options.numbers import numbers
-
-    if text is None or text == "balanced":
-        return text
-    values = numbers(text, "--weights")
-    return values if isinstance(values, list) else [values]

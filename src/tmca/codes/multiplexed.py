@@ -134,9 +134,6 @@ def fitted_codes(
         ShapeError: tiled codes of another number of slots; codes that do not repeat, of another size.
     """
     if not isinstance(codes, nn.Module):
-        unknown = sorted(set(changes) - set(Codes.__dataclass_fields__))
-        if unknown:
-            raise SettingError(unknown[0], repr(changes[unknown[0]]), f"one of {', '.join(Codes.__dataclass_fields__)}")
         return replace(codes or Codes(), **changes).planes(slots, aperture, shutter, buckets)
     if changes:
         name, value = next(iter(changes.items()))

@@ -6,7 +6,7 @@ Complex numbers in NetCDF have a last dimension ``part``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,8 @@ from tmca.dbd.simulation import carriers
 from tmca.errors import DataError, TmcaError
 
 KIND = "dual blind deconvolution"
-_NPZ = ("y", "sigma", "delay_s", "doppler_hz", "carrier_hz", "spacing")
+_UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
+_NPZ = ("y", "sigma", *_UNITS)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
 
@@ -126,19 +127,16 @@ class ProblemAttributes(Attributes):
     carrier_hz: float | None = Field(default=None, gt=0, alias="units_carrier_hz")
     spacing: float | None = Field(default=None, gt=0, alias="units_spacing")
 
-    def units(self) -> Units | None:
-        """Those of the samples, where there are any.
 
-        Raises:
-            DataError: some of them alone.
-        """
-        given = {one.name: getattr(self, one.name) for one in fields(Units)}
-        if all(value is None for value in given.values()):
-            return None
-        missing = [name for name, value in given.items() if value is None]
-        if missing:
-            raise DataError("units", f"no {missing[0]}", f"all of {', '.join(given)}, or none")
-        return Units(**given)
+def _units(given: Mapping[str, float | None]) -> Units | None:
+    """Those of the samples, where there are any; DataError for some of them alone."""
+    known = {name: value for name in _UNITS if (value := given.get(name)) is not None}
+    missing = [name for name in _UNITS[:3] if name not in known]
+    if len(missing) == 3:
+        return None
+    if missing:
+        raise DataError("units", f"no {', '.join(missing)}", f"{', '.join(_UNITS[:3])}, or none of them")
+    return Units(**known)
 
 
 def _from_dataset(path: Path, dataset: Any) -> Problem:
@@ -149,7 +147,7 @@ def _from_dataset(path: Path, dataset: Any) -> Problem:
     sources = tuple(_source(path, dataset, index) for index in range(count))
     known = [index for index in range(count) if f"true_points_{index}" in dataset]
     truth = tuple(_truth(path, dataset, index) for index in known) or None
-    return Problem(_joined(path, dataset, "y"), sources, about.sigma, truth, about.units())
+    return Problem(_joined(path, dataset, "y"), sources, about.sigma, truth, _units(dict(about)))
 
 
 def _source(path: Path, dataset: Any, index: int) -> Source:
@@ -214,8 +212,4 @@ def _from_arrays(arrays: dict[str, Any]) -> Problem:
         plain = np.arange(len(rows)) if rows.ndim == 3 else np.zeros(y.shape[-2], np.int64)
         weight = {"weight": numbers[f"weight_{name}"]} if f"weight_{name}" in numbers else {}
         sources.append(Source(name, rows, arrays.get(f"message_{name}", plain), **weight))
-    units = {name: value for name, value in numbers.items() if name in _NPZ[2:]}
-    if set(units) - {"spacing"} not in (set(), set(_NPZ[2:5])):
-        raise DataError("units", ", ".join(units), f"{', '.join(_NPZ[2:5])}, or none of them")
-    given = Units(**units) if len(units) > 1 else None
-    return Problem(y, tuple(sources), numbers.get("sigma"), units=given)
+    return Problem(y, tuple(sources), numbers.get("sigma"), units=_units(numbers))

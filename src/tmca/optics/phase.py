@@ -17,7 +17,6 @@ from tmca.errors import DataError, SettingError, check_range
 from tmca.yaml_files import read_yaml
 
 Values = NDArray[np.float64]
-_Parts = tuple[str, tuple[float, ...], tuple[float, float]]
 
 
 def _rational(micrometres: Values, c: Values, power: int) -> Values:
@@ -101,38 +100,30 @@ class Material:
         """
         described = read_yaml(path, "a .yml file of refractiveindex.info")
         try:
-            return cls(Path(path).name, *_described(described["DATA"][0]), source=str(path))
+            formula, coefficients, limits = _described(described["DATA"][0])
+            if not (0 < limits[0] < limits[1] < inf and len(coefficients) % 2 == (formula != "tabulated")):
+                raise ValueError(f"limits {limits} and {len(coefficients)} coefficients")
+            if not np.isfinite(coefficients).all():
+                raise ValueError("coefficients that are not finite")
+            return cls(Path(path).name, formula, coefficients, limits, source=str(path))
         except (KeyError, IndexError, TypeError, ValueError) as error:
             wanted = f"a .yml file of refractiveindex.info, of {', '.join(FORMULAS)}"
             raise DataError(path, f"no material ({error!r:.200})", wanted) from None
 
 
-def _described(data: Mapping[str, Any]) -> _Parts:
+def _described(data: Mapping[str, Any]) -> tuple[str, tuple[float, ...], tuple[float, float]]:
     """Formula, coefficients and limits of an entry of a file."""
     kind = str(data["type"])
     if kind.startswith("tabulated n"):
         rows = [line.split() for line in str(data["data"]).splitlines() if line.strip()]
         pairs = sorted((float(row[0]), float(row[1])) for row in rows)
         flat = tuple(value for pair in pairs for value in pair)
-        return _checked("tabulated", flat, (pairs[0][0] * 1e-6, pairs[-1][0] * 1e-6))
+        return "tabulated", flat, (pairs[0][0] * 1e-6, pairs[-1][0] * 1e-6)
     if kind not in FORMULAS:
         raise ValueError(kind)
     low, high = (float(value) * 1e-6 for value in str(data["wavelength_range"]).split())
     coefficients = tuple(float(value) for value in str(data["coefficients"]).split())
-    return _checked(kind, coefficients, (low, high))
-
-
-def _checked(kind: str, coefficients: tuple[float, ...], limits: tuple[float, float]) -> _Parts:
-    """What ``Material`` takes.
-
-    Raises:
-        ValueError: coefficients or limits that make no refractive index.
-    """
-    if not (0 < limits[0] < limits[1] < inf and len(coefficients) % 2 == (kind != "tabulated")):
-        raise ValueError(f"limits {limits} and {len(coefficients)} coefficients")
-    if not np.isfinite(coefficients).all():
-        raise ValueError("coefficients that are not finite")
-    return kind, coefficients, limits
+    return kind, coefficients, (low, high)
 
 
 MATERIALS: dict[str, Material] = {
