@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Path, Scenario, Target, read_scenario, solve
-from tmca.dbd.model import LIGHT_M_S
+from tmca.dbd.model import LIGHT_M_S, centred
 from tmca.errors import DataError, SettingError
 
 SCENE = Scenario(
@@ -45,10 +45,11 @@ def test_antennas_see_the_angle():
 
 
 def test_what_is_received_comes_back_in_metres():
-    recovery = solve(replace(SCENE, snr_db=25.0).draw().receive())
-    metres = np.sort(recovery.delays_s["radar"]) * LIGHT_M_S / 2
-    np.testing.assert_allclose(metres, [60.0, 150.0], atol=0.5)
-    speeds = recovery.dopplers_hz["radar"] * LIGHT_M_S / (2 * SCENE.carrier_hz)
+    problem = replace(SCENE, snr_db=25.0).draw().receive()
+    points = solve(problem)["radar"].points
+    metres = problem.units.physical(points[:, 0], 0, "radar")
+    np.testing.assert_allclose(np.sort(metres), [60.0, 150.0], atol=0.5)
+    speeds = problem.units.physical(centred(points[:, 1]), 1, "radar")
     np.testing.assert_allclose(np.sort(speeds), [-35.0, 10.0], atol=1.0)
 
 

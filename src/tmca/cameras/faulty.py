@@ -294,12 +294,10 @@ class WideDispersion(Dispersion):
 
     @property
     def origin(self) -> int:
-        """See ``first``."""
         return self.first
 
     @property
     def extent(self) -> int:
-        """See ``wider``."""
         return self.wider
 
 
@@ -324,7 +322,6 @@ class DefectiveSensor(Sensor):
         generator: torch.Generator | int | None = None,
         exposures: int = 1,
     ) -> Tensor:
-        """See ``Sensor``."""
         recorded, hardware = super().forward(irradiance, full_scale, generator, exposures), self.hardware
         first, later = recorded.tensor_split([recorded.shape[1] // self.buckets], 1)
         read = later * (1 + hardware.bucket_gain) + hardware.bucket_offset * full_scale * exposures

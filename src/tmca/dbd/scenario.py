@@ -186,14 +186,10 @@ class Scenario:
         most: dict[str, Any] = {"high": MOST_FREQUENCIES, "unit": "frequencies", "remedy": remedy}
         check_range("bandwidth_hz times useful_s", frequencies, **most)
         check_range("subspace", self.subspace, 1, self.frequencies, remedy="take fewer unknowns than frequencies")
-        remedy = "take fewer pulses, antennas or unknowns"
-        check_range("samples of the bases", self.bases, high=MOST_NUMBERS, remedy=remedy)
-
-    @property
-    def bases(self) -> float:
-        """Numbers of both bases or of the samples, whichever are more."""
         unknowns = self.subspace * (self.pulses if self.messages == "dense" else 1)
-        return float(self.frequencies) * self.pulses * max(unknowns, self.antennas)
+        numbers = float(self.frequencies) * self.pulses * max(unknowns, self.antennas)
+        remedy = "take fewer pulses, antennas or unknowns"
+        check_range("samples of the bases", numbers, high=MOST_NUMBERS, remedy=remedy)
 
     def _check_delays(self) -> None:
         """Echoes end within the interval, paths come within the prefix, none before it was sent."""
@@ -360,11 +356,6 @@ class Scene:
         return np.where(time >= -self.scenario.prefix_s, waves @ symbols, 0)
 
 
-def scenario_names() -> list[str]:
-    """Scenarios that come with the package."""
-    return sorted(file.stem for file in _SCENARIOS.glob("*.yaml"))
-
-
 def read_scenario(source: str | pathlib.Path) -> Scenario:
     """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
 
@@ -377,7 +368,8 @@ def read_scenario(source: str | pathlib.Path) -> Scenario:
     named = _SCENARIOS / f"{source}.yaml"
     file = named if named.is_file() else pathlib.Path(source)
     if not file.is_file():
-        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(scenario_names())}")
+        shipped = sorted(known.stem for known in _SCENARIOS.glob("*.yaml"))
+        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(shipped)}")
     described = read_yaml(file, "a description of a scenario: names and values, such as bandwidth_hz: 10e6")
     described |= {name: described.get(name) or [] for name in ("targets", "paths")}
     try:
