@@ -62,12 +62,9 @@ def test_a_static_mask_answers_alike_to_all_angles(shear):
     torch.testing.assert_close(inside, camera.codes()[0][0, top:-top, left:-left].expand_as(inside))
 
 
-def test_every_preset_takes_a_snapshot_of_its_size():
-    for name, slots in (("thesis", 8), ("clfp", 1), ("one-hot", 4), ("quick", 4)):
-        camera = LightFieldCamera.from_preset(name, size=(20, 24))
-        assert camera.slots == slots
-        assert camera(scene(camera, 1)).shape == (1, 1, 20, 24)
-    assert LightFieldCamera.from_preset("thesis").size == (270, 480)
+def test_thesis_preset():
+    camera = LightFieldCamera.from_preset("thesis")
+    assert (camera.views, camera.size, camera.slots) == ((5, 5), (270, 480), 8)
 
 
 def test_a_bench_becomes_a_camera():

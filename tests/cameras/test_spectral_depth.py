@@ -9,7 +9,7 @@ from scipy.signal import convolve2d
 from tmca.cameras import Snapshot, SpectralDepthCamera
 from tmca.errors import DataError, ShapeError
 from tmca.operators.spectral_depth import equivalent_psf
-from tmca.optics import PhaseMaskBench, Undersampled
+from tmca.optics import PhaseMaskBench
 
 BENCH = PhaseMaskBench(window=(9, 11), mask_pixels=24, diameter=1e-3)
 
@@ -158,21 +158,6 @@ def test_what_is_learned_gets_gradients_and_stays_feasible():
     assert set(made.shutter().unique().tolist()) <= {0.0, 1.0}
     assert set(made.filters.plane().sum(0).unique().tolist()) == {1.0}
     assert not camera(learnable="mask").shutter.learnable
-
-
-@pytest.mark.parametrize("name", SpectralDepthCamera.presets)
-def test_presets_are_cameras_without_a_warning(name, recwarn):
-    made = SpectralDepthCamera.from_preset(name, size=(64, 64))
-    assert not [w for w in recwarn if issubclass(w.category, Undersampled)]
-    snapshot = made(torch.rand(1, *made.scene_shape), torch.ones(1, 1, 64, 64))
-    assert tuple(snapshot.shape[1:]) == made.snapshot_shape
-
-
-def test_a_snapshot_file_keeps_a_shutter_that_does_not_repeat(tmp_path):
-    made = camera(shutter=(torch.rand(3, 13, 16) > 0.5).float())
-    cube, depth = scene_of(made, 1)
-    found = Snapshot.load(Snapshot(made(cube, depth), made).save(tmp_path / "taken.nc"))
-    torch.testing.assert_close(found.camera.exact(cube, depth), made.exact(cube, depth), atol=1e-5, rtol=1e-4)
 
 
 @pytest.mark.parametrize("missing", ["heights", "cells", "bench", "depth"])

@@ -7,7 +7,6 @@ import pytest
 
 from tests.dbd.loops import lifted, noise, samples, slopes, small
 from tmca.dbd import Channel, Truth, simulate
-from tmca.dbd.atoms import Atoms
 from tmca.dbd.channel import fit, no_paths, normal_equations, relative_residual, residual
 from tmca.dbd.noise import bounds
 from tmca.dbd.simulation import unit_vector
@@ -16,11 +15,8 @@ KINDS = ["shared", "even", "block", "three pulses a symbol", "antennas", "antenn
 
 
 def true_channels(problem):
-    found = []
-    for source, truth in zip(problem.sources, problem.truth, strict=True):
-        atoms = Atoms(source, problem.shape, every_axis=True)
-        found.append(Channel(atoms, atoms.seen(truth.points), truth.amplitudes, truth.waveform))
-    return found
+    pairs = zip(problem.sources, problem.truth, strict=True)
+    return [Channel.true(*pair, problem.shape) for pair in pairs]
 
 
 def slow_signal(channels):

@@ -7,7 +7,6 @@ import pytest
 
 from tests.dbd.loops import noise, small
 from tmca.dbd import Channel, Problem, simulate, solve
-from tmca.dbd.atoms import Atoms
 from tmca.dbd.noise import noise_level, selected
 
 
@@ -79,10 +78,7 @@ def test_noise_alone_passes_its_level_once_in_twenty_draws():
 
 def nearly_true(problem, extra=(), missing=0):
     """The true channels, less some paths and with more of little strength."""
-    radar, link = [
-        Channel(Atoms(source, problem.shape), truth.points[:, :2], truth.amplitudes, truth.waveform)
-        for source, truth in zip(problem.sources, problem.truth, strict=True)
-    ]
+    radar, link = (Channel.true(*pair, problem.shape) for pair in zip(problem.sources, problem.truth, strict=True))
     positions = np.vstack([radar.positions[missing:], *([x] for x in extra)])
     gains = np.append(radar.amplitudes[missing:], [0.02] * len(extra))
     return [replace(radar, positions=positions, amplitudes=gains), link]
