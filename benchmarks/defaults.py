@@ -20,6 +20,7 @@ import xarray as xr
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import read_split
+from tmca.data.fitting import middle_of
 from tmca.data.scenes import load_scene
 from tmca.decoders import admm_tv, decode, default_weight, pnp_admm, tv_denoiser
 from tmca.decoders.adapted import AdaptedEstimator
@@ -42,11 +43,6 @@ RANKS, STRENGTHS = (4, 6, 8, 12), (2.5, 5.0, 10.0)
 BLOCKS = ((6, 30), (6, 36), (8, 36), (10, 36), (12, 30), (12, 36), (12, 42), (16, 36))
 
 
-def _middle(cube: xr.DataArray, size: int) -> xr.DataArray:
-    top, left = (cube.sizes["y"] - size) // 2, (cube.sizes["x"] - size) // 2
-    return cube.isel(y=slice(top, top + size), x=slice(left, left + size))
-
-
 def snapshot(cube: xr.DataArray, code: str, noise: float) -> tuple[Snapshot, torch.Tensor]:
     """A snapshot of a scene, and the scene (1, L, H, W)."""
     camera = SpectralCamera(
@@ -54,28 +50,6 @@ def snapshot(cube: xr.DataArray, code: str, noise: float) -> tuple[Snapshot, tor
     )
     scene = torch.from_numpy(cube.values)[None]
     return Snapshot(camera(scene, generator=0), camera), scene
-
-
-def study_tv(cubes: Sequence[xr.DataArray]) -> None:
-    """Mean PSNR over scenes and codes for weights around the default."""
-    print("kind   sigma  " + "  ".join(f"×{factor:<5g}" for factor in FACTORS))
-    for joint in (True, False):
-        for noise in NOISES:
-            found = []
-            for factor in FACTORS:
-                values = []
-                for cube in cubes:
-                    for code in CODES:
-                        taken, scene = snapshot(cube, code, noise)
-                        weight = factor * default_weight(noise)
-                        result = admm_tv(
-                            taken.camera.operator(), taken.values, weight, joint=joint, bounds=(0.0, float("inf"))
-                        )
-                        values.append(float(psnr(result.estimate, scene)))
-                found.append(sum(values) / len(values))
-            print(
-                f"{'joint' if joint else 'band ':6s} {noise:5g}  " + "  ".join(f"{v:6.2f}" for v in found), flush=True
-            )
 
 
 Estimates = Callable[[Snapshot, float], Iterator[tuple[str, torch.Tensor]]]
@@ -94,6 +68,18 @@ def _compare(cubes: Sequence[xr.DataArray], beside: Sequence[str], tried: Estima
                 values.setdefault(name, []).append(float(psnr(estimate, scene)))
         text = "  ".join(f"{name}: {sum(v) / len(v):.2f}" for name, v in values.items())
         print(f"{code}, σ = {noise:g}  {text}", flush=True)
+
+
+def study_tv(cubes: Sequence[xr.DataArray]) -> None:
+    """Mean PSNR over scenes for weights around the default."""
+
+    def tried(taken: Snapshot, noise: float) -> Iterator[tuple[str, torch.Tensor]]:
+        for joint, factor in product((True, False), FACTORS):
+            weight, bounds = factor * default_weight(noise), (0.0, float("inf"))
+            result = admm_tv(taken.camera.operator(), taken.values, weight, joint=joint, bounds=bounds)
+            yield f"{'joint' if joint else 'band'} ×{factor:g}", result.estimate
+
+    _compare(cubes, (), tried)
 
 
 def study_subspace(cubes: Sequence[xr.DataArray]) -> None:
@@ -175,7 +161,8 @@ def main() -> None:
     options = parser.parse_args()
     torch.set_num_threads(1)
     whole = [load_scene(path, bands=12) for path in read_split(options.train)]
-    cubes = [_middle(cube, options.size) for cube in whole if min(cube.shape[1:]) >= options.size]
+    size = (options.size, options.size)
+    cubes = [middle_of(cube, size, cube.attrs["name"]) for cube in whole if min(cube.shape[1:]) >= options.size]
     print(f"{len(cubes)} scenes: {', '.join(str(cube.attrs['name']) for cube in cubes)}")
     if options.study in OF_CROPS:
         OF_CROPS[options.study](cubes)

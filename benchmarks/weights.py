@@ -12,6 +12,7 @@ from pathlib import Path
 
 import torch
 import xarray as xr
+from advice import SENSORS
 
 from tmca.applications import evaluate, simulate
 from tmca.cameras import SpectralCamera
@@ -20,24 +21,12 @@ from tmca.data.scenes import load_scene
 from tmca.decoders import Weights, decode
 from tmca.sensor import Sensor
 
-SENSORS = {
-    "σ = 0.001": Sensor(read_noise=1e-3),
-    "σ = 0.01": Sensor(read_noise=1e-2),
-    "10 000 e⁻, 3 e⁻": Sensor(full_well=10_000, read_noise_electrons=3),
-}
-
 
 def random_camera(weights: Weights, size: tuple[int, int], sensor: Sensor) -> SpectralCamera:
     """Random codes with as many slots and the same tile."""
-    slots = weights.slots
-    shutter = "random" if slots > 1 else "open"
+    shutter = "random" if weights.slots > 1 else "open"
     return SpectralCamera(
-        bands=weights.wavelengths,
-        size=size,
-        slots=slots,
-        shutter=shutter,
-        sensor=sensor,
-        period=weights.period,
+        weights.wavelengths, size, weights.slots, shutter=shutter, sensor=sensor, period=weights.period
     )
 
 
@@ -45,7 +34,8 @@ def rows(scene: xr.DataArray, slots: int) -> list[str]:
     """Markdown rows of one scene and one camera."""
     weights, size = Weights.find("default", slots), (scene.sizes["y"], scene.sizes["x"])
     found = []
-    for noise, sensor in SENSORS.items():
+    for noise, settings in SENSORS.items():
+        sensor = Sensor(**settings)
         learned = simulate(scene, weights.camera_for(size, sensor=sensor))
         plain = simulate(scene, random_camera(weights, size, sensor))
         prior = weights.load_prior()

@@ -46,10 +46,11 @@ def test_a_recovery_opens_in_xarray(tmp_path):
 def test_plain_arrays_are_read(tmp_path):
     problem = plain()
     radar, link = problem.sources
-    np.savez(tmp_path / "mine.npz", y=problem.y[0], basis_radar=7 * radar.rows[0], basis_link=link.rows, sigma=0.1)
+    arrays = {"y": problem.y[0], "basis_radar": 7 * radar.rows[0], "basis_link": link.rows, "sigma": 0.1}
+    np.savez(tmp_path / "mine.npz", **arrays, delay_s=1e-6, doppler_hz=2e5, carrier_hz=77e9)
     back = load_problem(tmp_path / "mine.npz")
     assert {source.name: source.messages for source in back.sources} == {"radar": 1, "link": 3}
-    assert back.sigma == 0.1
+    assert (back.sigma, back.units) == (0.1, Units(1e-6, 2e5, 77e9, 0.5))
     assert [one.weight for one in back.sources] == [pytest.approx(7), pytest.approx(1)]  # rms of the rows
     np.testing.assert_array_equal(back.y, problem.y)
 
@@ -110,11 +111,3 @@ def test_broken_problems_are_named(tmp_path, broken, error):
     with pytest.raises(error) as caught:
         load_problem(tmp_path / "q.nc")
     assert caught.value.where.startswith(str(tmp_path / "q.nc"))
-
-
-def test_plain_arrays_may_come_with_units(tmp_path):
-    radar, link = plain().sources
-    arrays = {"y": plain().y[0], "basis_radar": radar.rows[0], "basis_link": link.rows}
-    scales = {"delay_s": 1e-6, "doppler_hz": 2e5, "carrier_hz": 77e9}
-    np.savez(tmp_path / "units.npz", **arrays, **scales)
-    assert load_problem(tmp_path / "units.npz").units == Units(1e-6, 2e5, 77e9, 0.5)

@@ -75,7 +75,7 @@ def dual_disperser_by_loops(scene, aperture, shutter, displacement, response, sl
 KAPPA = torch.tensor([1.0, 0.5, 0.8, 0.3], dtype=torch.float64)
 BUILDERS = {
     "single": (single_disperser, single_disperser_by_loops),
-    "dual": (lambda near, wide, *rest: dual_disperser(wide, near, *rest), None),
+    "dual": (lambda near, wide, *rest: dual_disperser(wide, near, *rest), dual_disperser_by_loops),
 }
 
 
@@ -89,25 +89,15 @@ def build(kind, displacement, size, slots=3, dtype=torch.float64, exposure="equa
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("name", DISPERSIONS)
-def test_single_disperser_equals_the_loops_of_the_thesis(name, size, exposure):
-    operator, aperture, shutter = build("single", DISPERSIONS[name], size, exposure=exposure)
+@pytest.mark.parametrize("kind", BUILDERS)
+def test_dispersers_equal_the_loops_of_thesis_and_errata(kind, name, size, exposure):
+    operator, near, wide = build(kind, DISPERSIONS[name], size, exposure=exposure)
     scene = torch.rand(2, *operator.scene_shape, dtype=torch.float64)
+    aperture, shutter = (near, wide) if kind == "single" else (wide, near)
     weight = 1 / 3 if exposure == "equal" else 1.0
-    truth = single_disperser_by_loops(
-        scene.numpy(), aperture.numpy(), shutter.numpy(), DISPERSIONS[name], KAPPA.numpy(), weight
-    )
+    given = (part.numpy() for part in (scene, aperture, shutter))
+    truth = BUILDERS[kind][1](*given, DISPERSIONS[name], KAPPA.numpy(), weight)
     assert truth.shape == (2, *operator.snapshot_shape)
-    np.testing.assert_allclose(operator.A(scene).numpy(), truth, atol=1e-12)
-
-
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", DISPERSIONS)
-def test_dual_disperser_equals_the_loops_of_the_errata(name, size):
-    operator, shutter, aperture = build("dual", DISPERSIONS[name], size)
-    scene = torch.rand(2, *operator.scene_shape, dtype=torch.float64)
-    truth = dual_disperser_by_loops(
-        scene.numpy(), aperture.numpy(), shutter.numpy(), DISPERSIONS[name], KAPPA.numpy(), 1 / 3
-    )
     np.testing.assert_allclose(operator.A(scene).numpy(), truth, atol=1e-12)
 
 
