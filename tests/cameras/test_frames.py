@@ -18,16 +18,11 @@ CAMERAS = {
 }
 
 
-def movie(camera, frames):
-    values = torch.rand(2, frames, *camera.scene_shape, generator=torch.Generator().manual_seed(1))
-    return values.double()
-
-
 @pytest.mark.parametrize("frames", [1, 2, 4, 8])
 @pytest.mark.parametrize("name", CAMERAS)
 def test_frames_are_imaged_as_the_slots_that_see_them(name, frames):
     camera = CAMERAS[name]().double()
-    seen = movie(camera, frames)
+    seen = torch.rand(2, frames, *camera.scene_shape).double()
     slots = seen.repeat_interleave(4 // frames, 1) if frames <= 4 else seen.unflatten(1, (4, -1)).mean(2)
     operator = TapOperator(frame_taps(camera, frames))
     torch.testing.assert_close(operator.A(seen.flatten(1, -3)), camera.exact(slots))

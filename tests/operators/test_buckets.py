@@ -8,6 +8,7 @@ from tmca.errors import SettingError, ShapeError
 from tmca.operators import Taps, of_buckets, single_disperser, sparse_matrix
 from tmca.operators.bucket_gram import pseudo_inverse, solve_tied_blocks
 from tmca.optics import Dispersion, PhaseMaskBench
+from tmca.sensor import Sensor
 
 BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=12, diameter=1e-3)
 CAMERAS = {
@@ -107,8 +108,6 @@ def test_tied_blocks_are_solved_like_the_whole_matrix():
 
 
 def test_noise_is_drawn_and_clipped_in_every_bucket_on_its_own():
-    from tmca.sensor import Sensor
-
     camera = SpectralCamera(3, (40, 50), slots=4, buckets=2, sensor=Sensor(read_noise=0.1))
     error = camera(torch.zeros(1, *camera.scene_shape), generator=0)[0]
     assert error.std((1, 2)).tolist() == pytest.approx([0.1, 0.1], rel=0.1)

@@ -8,13 +8,7 @@ from tmca.operators import kernels
 
 EVEN = {
     "one bucket": {"bands": 5, "slots": 2},
-    "two buckets, three pixels": {
-        "bands": 4,
-        "slots": 2,
-        "dispersion": 3.0,
-        "buckets": 2,
-        "shutter": "balanced",
-    },
+    "two buckets, three pixels": {"bands": 4, "slots": 2, "dispersion": 3.0, "buckets": 2, "shutter": "balanced"},
     "nothing displaced": {"bands": 3, "slots": 1, "dispersion": 0.0},
     "one band": {"bands": 1, "slots": 2},
     "wider than the frame": {"bands": 13, "slots": 2, "dispersion": 2.0},
@@ -28,24 +22,20 @@ def layout_of(taps):
 
 
 def inputs(taps):
-    draw = torch.Generator().manual_seed(0)
-    scene = torch.rand(2, *taps.scene_shape, generator=draw, dtype=torch.float64)
-    return scene, torch.rand(2, *taps.snapshot_shape, generator=draw, dtype=torch.float64), taps.code.double()
+    scene, snapshot = (torch.rand(2, *shape).double() for shape in (taps.scene_shape, taps.snapshot_shape))
+    return scene, snapshot, taps.code.double()
 
 
 def check_all_at_once(taps):
     layout, (scene, snapshot, code) = layout_of(taps), inputs(taps)
     assert kernels._even_step(layout) is not None
-    torch.testing.assert_close(
-        kernels.sheared_snapshot(scene, code, layout), kernels._snapshot_of_taps(scene, code, layout)
-    )
-    torch.testing.assert_close(
-        kernels.sheared_scene(code, snapshot, layout), kernels._scene_of_taps(code, snapshot, layout)
-    )
+    for together, one_by_one, given in (
+        (kernels.sheared_snapshot, kernels._snapshot_of_taps, (scene, code)),
+        (kernels.sheared_scene, kernels._scene_of_taps, (code, snapshot)),
+        (kernels.sheared_taps, kernels._code_of_taps, (snapshot, scene)),
+    ):
+        torch.testing.assert_close(together(*given, layout), one_by_one(*given, layout))
     assert kernels.sheared_scene(code, snapshot, layout).is_contiguous()
-    torch.testing.assert_close(
-        kernels.sheared_taps(snapshot, scene, layout), kernels._code_of_taps(snapshot, scene, layout)
-    )
 
 
 @pytest.mark.parametrize("settings", EVEN.values(), ids=EVEN)

@@ -23,10 +23,8 @@ SHEARS = {
 SIZES = [(5, 7), (6, 4), (1, 9), (3, 1)]
 
 
-def planes(shear, size, slots, dtype=torch.float64, seed=0):
-    generator = torch.Generator().manual_seed(seed)
-    aperture = (torch.rand(slots, *shear.mask_size(size), generator=generator) < 0.5).to(dtype)
-    return aperture, (torch.rand(slots, *size, generator=generator) < 0.5).to(dtype)
+def planes(shear, size, slots):
+    return tuple(torch.rand(slots, *each).round().double() for each in (shear.mask_size(size), size))
 
 
 def interpolated(plane, y, x):

@@ -17,13 +17,11 @@ from tmca.operators.spectral_depth import (
 SLOTS, DEPTHS, BANDS, CHANNELS = 3, 4, 2, 2
 
 
-def parts(size=(13, 16), psf=(5, 6), seed=0, dtype=torch.float64):
-    generator = torch.Generator().manual_seed(seed)
-    spread = torch.rand(SLOTS, DEPTHS, BANDS, *psf, generator=generator, dtype=dtype)
+def parts(size=(13, 16), psf=(5, 6)):
+    spread = torch.rand(SLOTS, DEPTHS, BANDS, *psf, dtype=torch.float64)
     spread = spread / spread.sum((-2, -1), keepdim=True)
-    scene = torch.rand(2, BANDS, *size, generator=generator, dtype=dtype)
-    chosen = torch.randint(0, DEPTHS, (2, *size), generator=generator)
-    weights = torch.nn.functional.one_hot(chosen, DEPTHS).permute(0, 3, 1, 2).to(dtype)
+    scene, chosen = torch.rand(2, BANDS, *size, dtype=torch.float64), torch.randint(0, DEPTHS, (2, *size))
+    weights = torch.nn.functional.one_hot(chosen, DEPTHS).permute(0, 3, 1, 2).double()
     return spread, scene, weights, framed(size, psf)
 
 

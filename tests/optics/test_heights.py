@@ -102,7 +102,7 @@ def test_modes_are_orthonormal_on_the_disk(size):
 
 def test_a_fit_finds_the_coefficients_of_a_map_with_holes():
     modes = [noll(j) for j in range(1, 22)]
-    truth = torch.randn(21, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    truth = torch.randn(21, dtype=torch.float64)
     values = torch.tensordot(truth, zernike_modes(modes, (76, 90)), 1)
     values[30:36, 40:50] = torch.nan
     found, left = fit_zernike(values, modes)
