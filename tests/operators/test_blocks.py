@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.small_scenes import CAMERAS, camera, matrix, noisy, smooth_scene, snapshot
 from tmca.errors import ShapeError
-from tmca.operators.displacement import MeasurementCovariance, Smoothing
+from tmca.operators.blocks import MeasurementCovariance, Smoothing
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
 from tmca.sensor import Noise

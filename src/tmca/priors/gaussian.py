@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from tmca.errors import SettingError, ShapeError, check_range, check_shape
-from tmca.operators.blocks import BlockModel
-from tmca.operators.displacement import MeasurementCovariance, Smoothing, displacement_pays
+from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, lower_factor, stationary_moments
 from tmca.sensor import Noise
