@@ -105,7 +105,11 @@ def test_a_mask_too_small_for_the_shear_is_refused():
 
 
 @pytest.mark.parametrize("name", SHEARS)
-def test_every_sensor_pixel_sees_only_its_own_place(name):
-    matrix = sparse_matrix(coded_mask(*planes(SHEARS[name], (3, 4), 4), SHEARS[name])).toarray()
+def test_every_sensor_pixel_sees_only_its_own_place_and_is_inverted_alone(name):
+    operator = coded_mask(*planes(SHEARS[name], (3, 4), 4), SHEARS[name])
+    matrix = sparse_matrix(operator).toarray()
     gram = matrix @ matrix.T
     assert np.abs(gram - np.diag(np.diag(gram))).max() == 0
+    snapshot = torch.rand(2, 1, 3, 4, dtype=torch.float64)
+    least = snapshot.flatten(1).numpy() @ np.linalg.pinv(matrix).T
+    np.testing.assert_allclose(operator.A_dagger(snapshot).flatten(1), least, atol=1e-12)
