@@ -3,7 +3,7 @@ PYTHON ?= python3
 DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo test test-all lint fuzz kills benchmarks train-shipped clean
+.PHONY: demo test test-all lint fuzz kills benchmarks train-shipped docs clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -38,6 +38,10 @@ benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral_depth.py
 	.venv/bin/python benchmarks/realtime.py
 	.venv/bin/python benchmarks/training.py
+
+# The documentation site in site/, without network; fails at a broken link.
+docs: .venv/installed
+	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict
 
 # Ten minutes of training of the network that comes with the package; run again, it goes on where it ended. Other data:
 # `make train-shipped DATA=folder`, a folder with splits/.
