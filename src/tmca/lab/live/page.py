@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import secrets
 import sys
 import time
@@ -13,12 +12,13 @@ from importlib.resources import files
 from socket import socket
 from threading import Condition, Thread
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from tmca.data import plain
 from tmca.errors import SettingError
 from tmca.lab.live.loop import Shown
 from tmca.plots.cube import rgb_composite
@@ -54,7 +54,7 @@ class LivePage:
         self.token = secrets.token_urlsafe(16)
         self._changed = Condition()
         self._shown: Shown | None = None
-        self._ended = False
+        self.ended = False
         page = self
 
         class Handler(_Handler):
@@ -72,11 +72,6 @@ class LivePage:
         return f"http://{_HOST}:{self._port}/?token={self.token}"
 
     @property
-    def ended(self) -> bool:
-        """Whether no estimate comes any more."""
-        return self._ended
-
-    @property
     def hosts(self) -> set[str]:
         """Names by which a browser of this machine asks for it; others are those of somebody else's page."""
         return {f"{name}:{self._port}" for name in (_HOST, "localhost")}
@@ -87,7 +82,7 @@ class LivePage:
 
     def __exit__(self, *error: object) -> None:
         with self._changed:
-            self._ended = True
+            self.ended = True
             self._changed.notify_all()
         self._server.shutdown()
         self._server.server_close()
@@ -102,9 +97,9 @@ class LivePage:
         """The newest estimate, waited for until there is one of another exposure than ``after``; None at the end."""
         with self._changed:
             self._changed.wait_for(
-                lambda: self._ended or (self._shown is not None and self._shown.number != after), _WAIT
+                lambda: self.ended or (self._shown is not None and self._shown.number != after), _WAIT
             )
-            return None if self._ended else self._shown
+            return None if self.ended else self._shown
 
 
 class _Server(ThreadingHTTPServer):
@@ -127,40 +122,37 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         asked = urlsplit(self.path)
-        query = {name: values[-1] for name, values in parse_qs(asked.query).items()}
+        query = dict(parse_qsl(asked.query))
         token = query.get("token", "").encode(errors="replace")
-        if self.headers.get("Host") not in self.board.hosts or not secrets.compare_digest(
-            token, self.board.token.encode()
-        ):
+        known = secrets.compare_digest(token, self.board.token.encode())
+        if self.headers.get("Host") not in self.board.hosts or not known:
             self._answer(403, "text/plain", b"the address that `tmca live` printed is needed, token included\n")
-            return
-        answers = {"/": self._page, "/stream": self._stream, "/status": self._status, "/spectrum": self._spectrum}
-        answer = answers.get(asked.path)
-        if answer is None:
+        elif asked.path == "/":
+            html = files("tmca.lab.live").joinpath("page.html").read_text(encoding="utf-8")
+            self._answer(200, "text/html; charset=utf-8", html.replace("{{token}}", self.board.token).encode())
+        elif asked.path == "/stream":
+            self._stream()
+        elif asked.path in ("/status", "/spectrum"):
+            self._say(asked.path, query)
+        else:
             self._answer(404, "text/plain", b"there is no such page\n")
-            return
-        answer(query)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Nothing: the terminal shows the loop."""
 
-    def _answer(self, code: int, kind: str, body: bytes) -> None:
+    def _begin(self, code: int, **headers: str) -> None:
         self.send_response(code)
-        for name, value in {**_HEADERS, "Content-Type": kind, "Content-Length": str(len(body))}.items():
-            self.send_header(name, value)
+        for name, value in {**_HEADERS, **headers}.items():
+            self.send_header(name.replace("_", "-"), value)
         self.end_headers()
+
+    def _answer(self, code: int, kind: str, body: bytes) -> None:
+        self._begin(code, Content_Type=kind, Content_Length=str(len(body)))
         self.wfile.write(body)
 
-    def _page(self, query: dict[str, str]) -> None:
-        html = files("tmca.lab.live").joinpath("page.html").read_text(encoding="utf-8")
-        self._answer(200, "text/html; charset=utf-8", html.replace("{{token}}", self.board.token).encode())
-
-    def _stream(self, query: dict[str, str]) -> None:
+    def _stream(self) -> None:
         """Pictures one after the other (``multipart/x-mixed-replace``), as browsers show them in an image."""
-        self.send_response(200)
-        for name, value in {**_HEADERS, "Content-Type": "multipart/x-mixed-replace; boundary=frame"}.items():
-            self.send_header(name, value)
-        self.end_headers()
+        self._begin(200, Content_Type="multipart/x-mixed-replace; boundary=frame")
         self.close_connection, last = True, -1
         self.wfile.write(b"--frame\r\n")
         while (shown := self.board.newest(last)) is not None:
@@ -170,17 +162,13 @@ class _Handler(BaseHTTPRequestHandler):
                 self.wfile.write(head.encode() + body + b"\r\n--frame\r\n")  # the end of the part: it is shown at once
                 last = shown.number
 
-    def _status(self, query: dict[str, str]) -> None:
+    def _say(self, path: str, query: dict[str, str]) -> None:
         shown = self.board.newest()
-        self._say({"ended": self.board.ended} if shown is None else status(shown))
-
-    def _spectrum(self, query: dict[str, str]) -> None:
-        shown = self.board.newest()
-        said = {} if shown is None else spectrum(shown, query.get("y", ""), query.get("x", ""))
-        self._say(said)
-
-    def _say(self, said: dict[str, Any]) -> None:
-        self._answer(200, "application/json", json.dumps(_finite(said), allow_nan=False).encode())
+        if path == "/spectrum":
+            said = {} if shown is None else spectrum(shown, query.get("y", ""), query.get("x", ""))
+        else:
+            said = {"ended": self.board.ended} if shown is None else status(shown)
+        self._answer(200, "application/json", json.dumps(plain(said), allow_nan=False).encode())
 
 
 def picture(shown: Shown) -> NDArray[np.uint8]:
@@ -240,12 +228,3 @@ def _still(values: Tensor, camera: Any) -> Tensor:
     """(B, *scene_shape) of scenes; of those that move, (B, K, *scene_shape), the frame in the middle."""
     moves = values.ndim > 1 + len(camera.scene_shape)
     return values[:, values.shape[1] // 2] if moves else values
-
-
-def _finite(said: Any) -> Any:
-    """What JSON can say: None for numbers that are not finite."""
-    if isinstance(said, dict):
-        return {name: _finite(value) for name, value in said.items()}
-    if isinstance(said, list):
-        return [_finite(value) for value in said]
-    return None if isinstance(said, float) and not math.isfinite(said) else said
