@@ -20,6 +20,7 @@ from tmca.plots.style import (
 )
 
 if TYPE_CHECKING:
+    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -28,20 +29,18 @@ _POINTS = {(0.3, 0.3): RED, (0.5, 0.7): BLUE, (0.75, 0.4): "#edae49"}
 _REASONS = ("white", RED, "0.15", "#edae49", BLUE, "0.6", "#8e6c8a")
 
 
-def measured_depth_figure(
-    depth: np.ndarray, deviation: np.ndarray, reason: np.ndarray, reasons: Sequence[str], title: str
-) -> Figure:
+def measured_depth_figure(measured: xr.Dataset, reasons: Sequence[str], title: str) -> Figure:
     """Depth, its standard deviation, and why pixels have none.
 
     Args:
-        depth: ``(H, W)`` metres, NaN where unknown.
-        deviation: ``(H, W)`` metres.
-        reason: ``(H, W)`` index of the reason why a pixel has no depth; 0 where it has one.
+        measured: ``depth`` and ``depth_std`` (y, x), metres, NaN where unknown; ``confidence`` (y, x), index of the
+            reason why a pixel has no depth, 0 where it has one.
         reasons: their names.
         title: of the depth map.
     """
     from matplotlib.colors import ListedColormap
 
+    depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
     figure, axes = _pictures(depth.shape)
     image(axes[0], depth, title, "turbo_r", bar="depth (m)", low=None, unknown=GREY)
     top = float(np.nanpercentile(deviation * 1e3, 98))
@@ -54,26 +53,24 @@ def measured_depth_figure(
     return figure
 
 
-def reflectance_figure(
-    cube: np.ndarray, deviation: np.ndarray, left_out: np.ndarray, wavelengths_nm: np.ndarray, title: str
-) -> Figure:
+def reflectance_figure(measured: xr.Dataset, title: str) -> Figure:
     """Mean reflectance, spectra of three places with two standard deviations, and the share of bands left out.
 
     Args:
-        cube: ``(L, H, W)`` reflectance, NaN where unknown.
-        deviation: ``(L, H, W)``.
-        left_out: ``(H, W)`` share of the bands that were saturated or dark.
-        wavelengths_nm: (L,).
+        measured: ``reflectance`` and ``reflectance_std`` (wavelength, y, x), NaN where unknown; ``quality``
+            (wavelength, y, x), not 0 where a band is left out.
         title: of the picture.
     """
+    cube, deviation, nm = (measured[name].values for name in ("reflectance", "reflectance_std", "wavelength_nm"))
     height, width = cube.shape[1:]
     figure, axes = _pictures((height, width))
     image(axes[0], np.nan_to_num(cube).mean(axis=0), title, "gray", bar="mean reflectance")
     for (y, x), colour in _POINTS.items():
         row, column = int(y * height), int(x * width)
         axes[0].plot(column, row, "o", color=colour, markeredgecolor="white")
-        curve_with_band(axes[1], wavelengths_nm, cube[:, row, column], 2 * deviation[:, row, column], colour)
+        curve_with_band(axes[1], nm, cube[:, row, column], 2 * deviation[:, row, column], colour)
     plain_axes(axes[1], "spectra ± 2 standard deviations", "wavelength (nm)", "reflectance")
+    left_out = (measured["quality"].values > 0).mean(axis=0)
     image(axes[2], left_out, "saturated or dark", "magma", top=1.0, bar="share of the bands")
     return figure
 

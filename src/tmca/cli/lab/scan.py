@@ -95,9 +95,10 @@ def depth(
         truth: a depth map to compare with.
     """
     from tmca.data import read_depth_map, write_dataset
-    from tmca.lab.ground_truth.depth import depth_error, depth_figure, measure_depth
+    from tmca.lab.ground_truth.depth import REASONS, depth_error, measure_depth
     from tmca.lab.ground_truth.fringes import load_plan, read_capture
     from tmca.lab.ground_truth.geometry import load_calibration
+    from tmca.plots.lab import measured_depth_figure
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)
@@ -111,7 +112,7 @@ def depth(
     error = None if truth is None else depth_error(measured, read_depth_map(truth))
     write_dataset(measured, out, overwrite=overwrite)
     if figure is not None:
-        save_figure(depth_figure(measured, out.name), figure, overwrite=overwrite)
+        save_figure(measured_depth_figure(measured, REASONS, out.name), figure, overwrite=overwrite)
     _said_depth(measured, out, json, error)
 
 
@@ -185,7 +186,8 @@ def spectra(
         gain: digital numbers per electron, for shot noise.
     """
     from tmca.data import write_dataset
-    from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, reflectance_figure, white_of
+    from tmca.lab.ground_truth.scan import measure_reflectance, read_scan, white_of
+    from tmca.plots.lab import reflectance_figure
     from tmca.plots.style import save_figure
 
     check_figure(figure, overwrite)

@@ -17,7 +17,6 @@ from tmca.lab.quality import quality_of
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
 
 REASONS = ("known", "saturated", "dark", "frequencies disagree", "mixed light", "out of range", "alone")
@@ -34,65 +33,46 @@ _MARGIN = 0.25
 _STEEP = 4.0
 
 
-def by_light(phases: Phases, saturated: NDArray[np.bool_]) -> Why:
-    """Saturated, dark and mixed pixels ``(H, W)``, as numbers of `REASONS`.
-
-    Light of two surfaces with different phases adds up to weaker fringes, the finer the weaker.
-    """
-    why = np.zeros(saturated.shape, dtype=np.uint8)
-    dark = phases.std > _DARKEST
-    if len(phases.modulation) > 1:
-        share = phases.modulation[-1] / np.maximum(phases.modulation[0], np.finfo(float).tiny)
-        clear = ~dark.any(axis=0)
-        why[share < _MIXED * (np.median(share[clear]) if clear.any() else 1.0)] = REASONS.index("mixed light")
-    why[dark[-1] | dark[0]] = REASONS.index("dark")
-    why[saturated] = REASONS.index("saturated")
-    return why
+def _leave_out(why: Why, where: NDArray[np.bool_], reason: str) -> None:
+    """Give pixels (H, W) that have none yet a reason of `REASONS`."""
+    why[where & (why == 0)] = REASONS.index(reason)
 
 
-def by_frequencies(why: Why, disagreement: Array, risk: Array) -> Why:
-    """Adds pixels whose frequencies tell different phases, or are too noisy to number the fringes."""
-    updated = why.copy()
-    updated[(why == 0) & (disagreement > _DISAGREE)] = REASONS.index("frequencies disagree")
-    updated[(why == 0) & ~(risk <= _RISK)] = REASONS.index("dark")
-    return updated
+def _mixed_light(phases: Phases, dark: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Where the finest of several fringes are weak: light of two surfaces adds up to weaker ones."""
+    share = phases.modulation[-1] / np.maximum(phases.modulation[0], np.finfo(float).tiny)
+    usual = np.median(share[~dark]) if not dark.all() else 1.0
+    return np.asarray(share < _MIXED * usual) if len(phases.modulation) > 1 else np.zeros(dark.shape, dtype=bool)
 
 
-def by_range(why: Why, depth: Array, position: Array, plan: FringePlan, ends: tuple[float, float]) -> Why:
-    """Adds pixels out of range, and those lit by the ends of the fringes."""
-    margin, updated = _MARGIN * plan.extent / plan.fringes[-1], why.copy()
+def _in_range(depth: Array, position: Array, plan: FringePlan, ends: tuple[float, float]) -> NDArray[np.bool_]:
+    """Where a depth is in range, and lit by other fringes than those at the projector's ends."""
+    margin = _MARGIN * plan.extent / plan.fringes[-1]
     with np.errstate(invalid="ignore"):
         inside = (depth >= ends[0]) & (depth <= ends[1])
-        inside &= (position > margin) & (position < plan.extent - 1 - margin)
-    updated[(why == 0) & ~inside] = REASONS.index("out of range")
-    return updated
+        return np.asarray(inside & (position > margin) & (position < plan.extent - 1 - margin))
 
 
-def by_company(why: Why, depth: Array, std: Array, focal: float, fewest: int = 6) -> Why:
-    """Adds pixels whose depth fewer than ``fewest`` of their eight neighbours share.
+def _company(depth: Array, std: Array, focal: float) -> NDArray[np.int_]:
+    """How many of a pixel's eight neighbours share its depth; NaN shares none.
 
     A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the
     edge. Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
 
     Args:
-        why: so far.
         depth: metres.
         std: of the depth.
         focal: of the camera in pixels.
-        fewest: 6 takes away one pixel along straight edges, 3 keeps corners.
     """
-    valid = why == 0
-    values, doubt = np.where(valid, depth, np.nan), 4 * np.sqrt(2) * np.where(valid, std, 0.0)
-    padded = np.pad(values, 1, mode="edge")  # the picture's border is no edge of a surface
+    doubt = 4 * np.sqrt(2) * std
+    padded = np.pad(depth, 1, mode="edge")  # the picture's border is no edge of a surface
     company, (height, width) = np.zeros(depth.shape, dtype=int), depth.shape
     for dy, dx in ((y, x) for y in (-1, 0, 1) for x in (-1, 0, 1) if y or x):
         other = padded[1 + dy : 1 + dy + height, 1 + dx : 1 + dx + width]
-        reach = np.hypot(dy, dx) * _STEEP * values / focal + doubt
+        reach = np.hypot(dy, dx) * _STEEP * depth / focal + doubt
         with np.errstate(invalid="ignore"):
-            company += np.abs(other - values) <= reach
-    updated = why.copy()
-    updated[valid & (company < fewest)] = REASONS.index("alone")
-    return updated
+            company += np.abs(other - depth) <= reach
+    return company
 
 
 _USUAL = 0.125
@@ -153,14 +133,15 @@ def measure_depth(
     position = plan.position(absolute)
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
     depth, depth_std = triangulate(position, std, calibration, plan.across)
-    reasons = by_range(why, depth, position, plan, (near, far))
     lit = np.isin(why, (0, REASONS.index("frequencies disagree")))
     residual = float(np.median(phases.misfit[:, lit], axis=1).max()) if lit.any() else 0.0
-    _check_some(reasons, capture)
-    reasons = by_company(reasons, depth, depth_std, float(calibration.camera.matrix[0, 0]), neighbours)
+    _leave_out(why, ~_in_range(depth, position, plan, (near, far)), "out of range")
+    _check_some(why, capture)
+    company = _company(np.where(why == 0, depth, np.nan), depth_std, float(calibration.camera.matrix[0, 0]))
+    _leave_out(why, company < neighbours, "alone")
     quality = quality_of(capture.source, "no cosine over the steps:", residual, _USUAL)
     about = {"unwrapping": unwrap, "quality": quality, "no_cosine": residual}
-    return _labelled(depth, depth_std, reasons, position, phases, capture).assign_attrs(about)
+    return _labelled(depth, depth_std, why, position, phases, capture).assign_attrs(about)
 
 
 def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
@@ -191,11 +172,16 @@ def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
 
 def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwrapping) -> tuple[Why, Array]:
     """Why pixels are left out so far, and the absolute phase."""
-    why = by_light(phases, capture.saturated)
+    why, dark = np.zeros(capture.saturated.shape, dtype=np.uint8), phases.std > _DARKEST
+    _leave_out(why, capture.saturated, "saturated")
+    _leave_out(why, dark[-1] | dark[0], "dark")
+    _leave_out(why, _mixed_light(phases, dark.any(axis=0)), "mixed light")
     if unwrap != "temporal":
         return why, spatial_unwrap(phases, plan.fringes, why == 0, unwrap)
     absolute, disagreement, risk = temporal_unwrap(phases, plan.fringes)
-    return by_frequencies(why, disagreement, risk), absolute
+    _leave_out(why, ~(risk <= _RISK), "dark")
+    _leave_out(why, disagreement > _DISAGREE, "frequencies disagree")
+    return why, absolute
 
 
 def _check_some(why: Why, capture: Capture) -> None:
@@ -225,11 +211,3 @@ def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phase
         },
         attrs={"source": str(capture.source), "noise": phases.noise, "metric": True},
     )
-
-
-def depth_figure(measured: xr.Dataset, title: str) -> Figure:
-    """Depth, its standard deviation, and why pixels have none, of `measure_depth`'s result."""
-    from tmca.plots.lab import measured_depth_figure
-
-    depth, deviation, reason = (measured[name].values for name in ("depth", "depth_std", "confidence"))
-    return measured_depth_figure(depth, deviation, reason, REASONS, title)

@@ -19,7 +19,6 @@ from tmca.lab.importing import dark_noise
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.figure import Figure
 
 
 Array = NDArray[np.float64]
@@ -233,12 +232,3 @@ def _labelled(scan: Scan, values: Array, std: Array, quality: NDArray[np.uint8])
     flags = (("wavelength", "y", "x"), quality, reasons)
     cubes_by_name = {"reflectance": reflectance, "reflectance_std": spread, "quality": flags}
     return xr.Dataset(cubes_by_name, attrs={"source": str(scan.source), **counts})
-
-
-def reflectance_figure(measured: xr.Dataset, title: str) -> Figure:
-    """Mean reflectance, spectra of three places with two standard deviations, and the share of bands left out."""
-    from tmca.plots import lab
-
-    left_out = (measured["quality"].values > 0).mean(axis=0)
-    cube, deviation, nm = (measured[name].values for name in ("reflectance", "reflectance_std", "wavelength_nm"))
-    return lab.reflectance_figure(cube, deviation, left_out, nm, title)
