@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -20,7 +20,6 @@ from tmca.attributes import json_of
 from tmca.errors import DataError, TmcaError
 from tmca.lab.graph_file import Graph, GraphArgument, GraphConfig, GraphMeta, GraphNode, GraphProgram
 
-M = TypeVar("M")
 LARGEST = 8 * 2**30
 """Bytes of the tensors that a graph may need at once."""
 OPERATORS = frozenset(
@@ -99,25 +98,24 @@ def load_program(path: Path) -> CheckedProgram:
         DataError: another file, one with pickled tensors, or a graph with operators that are not on the list.
     """
     with _archive(path) as files:
-        module = _json(files, "models/model.json", path, GraphProgram).graph_module
+        program = _json(files, "models/model.json", path, GraphProgram)
         stored = _stored(files, "weights", "weight_", path) | _stored(files, "constants", "tensor_", path)
-    _check(module.graph, path)
+    _check(program.graph, path)
     tensors: dict[str, Tensor] = {}
     entries: list[str] = []
-    for spec in module.signature.input_specs:
-        source = spec.parameter or spec.buffer or spec.tensor_constant
-        if source is None:
-            entries += spec.user_input.arg.names if spec.user_input else []
-        elif source.stored in stored:
-            tensors[source.arg.name] = stored[source.stored]
+    for spec in program.inputs:
+        if spec.tensor is None:
+            entries += spec.given.names if spec.given else []
+        elif spec.tensor.stored in stored:
+            tensors[spec.tensor.name] = stored[spec.tensor.stored]
         else:
-            raise DataError(path, f"no tensor {source.stored}", "all of the graph's", _REMEDY)
-    if len(entries) != 1 or entries[0] not in module.graph.tensor_values:
+            raise DataError(path, f"no tensor {spec.tensor.stored}", "all of the graph's", _REMEDY)
+    if len(entries) != 1 or entries[0] not in program.graph.tensor_values:
         raise DataError(path, f"a graph of {len(entries)} inputs", "one: the snapshot", _REMEDY)
-    shape = tuple(length.as_int for length in module.graph.tensor_values[entries[0]].sizes)
-    program = CheckedProgram(path, module.graph, tensors, entries[0], shape)
-    program.rehearse()
-    return program
+    shape = tuple(length.as_int for length in program.graph.tensor_values[entries[0]].sizes)
+    checked = CheckedProgram(path, program.graph, tensors, entries[0], shape)
+    checked.rehearse()
+    return checked
 
 
 @contextmanager
@@ -143,13 +141,11 @@ def _bytes(files: Mapping[str, Any], name: str, path: Path) -> bytes:
     if name not in files:
         raise DataError(path, f"no {name} in it", "an exported decoder", _REMEDY)
     archive, member = files[name]
-    data: bytes = archive.read(member)
-    return data
+    return bytes(archive.read(member))
 
 
-def _json(files: Mapping[str, Any], name: str, path: Path, kind: type[M]) -> M:
-    said: M = json_of(_bytes(files, name, path), f"{path}: {name}", kind)
-    return said
+def _json(files: Mapping[str, Any], name: str, path: Path, kind: type[Any]) -> Any:
+    return json_of(_bytes(files, name, path), f"{path}: {name}", kind)
 
 
 def _stored(files: Mapping[str, Any], folder: str, before: str, path: Path) -> dict[str, Tensor]:
@@ -191,7 +187,7 @@ def _check(graph: Graph, path: Path) -> None:
             _operator(node.target, path)
         for given in node.inputs:
             if given.arg.as_graph is not None:
-                _check(given.arg.as_graph.graph, path)
+                _check(given.arg.as_graph, path)
 
 
 @contextmanager
@@ -263,11 +259,10 @@ def _autocast(node: GraphNode, tensors: Mapping[str, Tensor], path: Path) -> lis
     _, dtype, enabled, cache, part, *given = (one.arg for one in node.inputs)
     if part.as_graph is None or dtype.as_scalar_type is None:
         raise DataError(path, f"{_AUTOCAST} without a graph", "one", _REMEDY)
-    graph = part.as_graph.graph
-    names = [name for one in graph.inputs for name in one.names]
+    names = [name for one in part.as_graph.inputs for name in one.names]
     inside = {name: tensors[one.names[0]] for name, one in zip(names, given, strict=True)}
     with torch.autocast("cpu", _DTYPES[dtype.as_scalar_type], bool(enabled.as_bool), bool(cache.as_bool)):
-        return _outputs(graph, inside, path)
+        return _outputs(part.as_graph, inside, path)
 
 
 def _value(argument: GraphArgument, tensors: Mapping[str, Tensor]) -> Any:

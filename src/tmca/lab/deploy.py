@@ -178,10 +178,7 @@ def export_decoder(
     camera = _camera(weights, size, sensor=_sensor(weights, noise))
     decoders = {one: _fixed(weights, camera, camera.noise, one) for one in formats}
     make_folder(folder)
-    files = [
-        _written(decoder, camera.snapshot_shape, one, folder / FORMATS[one], overwrite)
-        for one, decoder in decoders.items()
-    ]
+    files = [_written(decoder, camera, one, folder / FORMATS[one], overwrite) for one, decoder in decoders.items()]
     about = Description(
         weights=str(weights.path), snapshot=(1, *camera.snapshot_shape), scene=(1, *camera.scene_shape),
         wavelengths_m=weights.wavelengths, read_noise=camera.noise.read, shot_noise=camera.noise.shot,
@@ -222,10 +219,10 @@ def check_decoder(folder: str | Path, run: str | Path, trust: bool = False) -> l
     camera = _camera(weights, (about.scene[2], about.scene[3]))
     check_camera(about, camera, weights.path)
     decoder = _fixed(weights, camera, Noise(about.read_noise, about.shot_noise), "torch")
-    snapshot, checked = _random(camera.snapshot_shape, seed=1), []
+    snapshot, checked = _random(camera, seed=1), []
     for entry in about.files:
-        error = _difference(decoder, load_exported(Path(folder) / entry.file, trust), snapshot)
-        _check_close(Path(folder) / entry.file, error)
+        file = Path(folder) / entry.file
+        error = _difference(decoder, file, load_exported(file, trust), snapshot)
         checked.append(entry.model_copy(update={"error": error}))
     return checked
 
@@ -261,11 +258,9 @@ def decode_exported(folder: str | Path, snapshot: str | Path, format: str, trust
     return Estimate(scene, taken.camera, file.name, seconds=time.perf_counter() - start, notes=dict(taken.notes))
 
 
-def _written(
-    decoder: CameraDecoder, shape: tuple[int, int, int], format: str, path: Path, overwrite: bool
-) -> DecoderFile:
+def _written(decoder: CameraDecoder, camera: SpectralCamera, format: str, path: Path, overwrite: bool) -> DecoderFile:
     """One file, kept only if it computes what the decoder does."""
-    snapshot = _random(shape, seed=0)
+    snapshot = _random(camera, seed=0)
     with torch.no_grad(), atomic_path(path, overwrite=overwrite) as temporary:
         if format == "torch":
             archive = io.BytesIO()  # torch ends the process where a write to a disk fails
@@ -278,36 +273,31 @@ def _written(
                 )
             assert program is not None  # it is one with dynamo
             program.save(str(temporary), external_data=False)
-        error = _difference(decoder, load_exported(temporary), snapshot)
-        _check_close(path, error)
+        error = _difference(decoder, path, load_exported(temporary), snapshot)
     return DecoderFile(format=format, file=path.name, error=error)
 
 
-def _check_close(path: Path, error: float) -> None:
-    """Raises DataError unless an exported file computes what the network does."""
+@torch.no_grad()
+def _difference(decoder: nn.Module, path: Path, exported: Callable[[Tensor], Tensor], snapshot: Tensor) -> float:
+    """Largest difference of an exported file from the decoder, as a share of the largest value; DataError if large."""
+    wanted = decoder(snapshot)
+    error = float((exported(snapshot) - wanted).abs().max() / wanted.abs().max())
     if not error <= _CLOSE:
         found = f"values that differ by {error:.2g} of the largest from the network's"
         raise DataError(path, found, f"{_CLOSE:g} at most", "export it again from this run")
+    return error
 
 
-@torch.no_grad()
-def _difference(decoder: nn.Module, exported: Callable[[Tensor], Tensor], snapshot: Tensor) -> float:
-    wanted = decoder(snapshot)
-    return float((exported(snapshot) - wanted).abs().max() / wanted.abs().max())
-
-
-def _random(shape: tuple[int, int, int], seed: int) -> Tensor:
+def _random(camera: SpectralCamera, seed: int) -> Tensor:
     """A snapshot of noise, as bright as an ordinary one."""
-    values = np.random.default_rng(seed).random((1, *shape), dtype=np.float32)
+    values = np.random.default_rng(seed).random((1, *camera.snapshot_shape), dtype=np.float32)
     return torch.from_numpy(5 * values)
 
 
 def _sensor(weights: Weights, noise: float | None) -> Sensor:
     """The sensor that the network is told of."""
-    if noise is not None:
-        return Sensor(read_noise=noise)
-    first = weights.card.get("training", {}).get("noise", [{}])[0]
-    return Sensor(**first)
+    trained = weights.card.get("training", {}).get("noise", [{}])[0]
+    return Sensor(**trained) if noise is None else Sensor(read_noise=noise)
 
 
 def _check_formats(formats: tuple[str, ...]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import AliasChoices, Field, model_validator
+from pydantic import AliasChoices, AliasPath, Field, model_validator
 
 from tmca.attributes import Attributes
 
@@ -36,7 +36,7 @@ class GraphArgument(Attributes):
     as_layout: Literal[7] | None = None
     as_device: GraphDevice | None = None
     as_none: bool | None = None
-    as_graph: GraphPart | None = None
+    as_graph: Graph | None = Field(None, validation_alias=AliasPath("as_graph", "graph"))
 
     @model_validator(mode="after")
     def _one(self) -> GraphArgument:
@@ -83,39 +83,21 @@ class Graph(Attributes):
     tensor_values: dict[str, GraphMeta] = Field(default_factory=dict)
 
 
-class GraphPart(Attributes):
-    graph: Graph
-
-
-class GraphUserInput(Attributes):
-    arg: GraphArgument
-
-
 class GraphStored(Attributes):
-    arg: GraphName
+    name: str = Field(validation_alias=AliasPath("arg", "name"))
     stored: str = Field(validation_alias=AliasChoices("parameter_name", "buffer_name", "tensor_constant_name"))
 
 
 class GraphSpec(Attributes):
-    """Where an input of the graph comes from."""
+    """Where an input of the graph comes from: a tensor of the file, or the user."""
 
-    parameter: GraphStored | None = None
-    buffer: GraphStored | None = None
-    tensor_constant: GraphStored | None = None
-    user_input: GraphUserInput | None = None
-
-
-class GraphSignature(Attributes):
-    input_specs: tuple[GraphSpec, ...]
-
-
-class GraphModule(Attributes):
-    graph: Graph
-    signature: GraphSignature
+    tensor: GraphStored | None = Field(None, validation_alias=AliasChoices("parameter", "buffer", "tensor_constant"))
+    given: GraphArgument | None = Field(None, validation_alias=AliasPath("user_input", "arg"))
 
 
 class GraphProgram(Attributes):
-    graph_module: GraphModule
+    graph: Graph = Field(validation_alias=AliasPath("graph_module", "graph"))
+    inputs: tuple[GraphSpec, ...] = Field(validation_alias=AliasPath("graph_module", "signature", "input_specs"))
 
 
 class GraphPayload(Attributes):
