@@ -40,18 +40,13 @@ def dark_noise(capture: NDArray[np.floating]) -> float:
     return float(1.4826 * np.median(steps) / np.sqrt(2))
 
 
-def noise_of(values: NDArray[np.float64], given: float | None, where: Path) -> float:
-    """The noise that is given, or that of the capture (H, W'), in its numbers.
-
-    Raises:
-        SettingError: one that is no noise.
-        DataError: none is given, and the capture has none.
-    """
+def _noise_of(values: Array, given: float | None, where: Path) -> float:
+    """The noise that is given, or that of the capture (H, W'), in its numbers."""
     if given is not None:
         check_range("--noise", given, 0)
-    noise = dark_noise(values) if given is None else given
     if np.ptp(values) == 0:
         raise DataError(where, f"the value {values.flat[0]:g} in every pixel", "a picture")
+    noise = dark_noise(values) if given is None else given
     if given is None and not noise:
         raise DataError(where, "no noise in the darkest fifth of its pixels", "some", "tell it with --noise")
     return noise
@@ -76,36 +71,26 @@ def without_pixels(snapshot: Snapshot[SpectralCamera], gone: Tensor) -> Snapshot
     return Snapshot(snapshot.values * shown, blind, snapshot.notes)
 
 
-def marked(
-    taken: Snapshot[SpectralCamera], values: NDArray[np.float64], saturation: float | None, withhold: bool
+def _marked(
+    taken: Snapshot[SpectralCamera], values: Array, saturation: float | None, withhold: bool
 ) -> Snapshot[SpectralCamera]:
-    """A snapshot whose notes tell of its saturated pixels; without those pixels, if they are to be withheld.
-
-    Args:
-        taken: the snapshot.
-        values: (H, W') the capture in its own numbers.
-        saturation: from which on a pixel says nothing; None where it is not known.
-        withhold: close the shutter of saturated pixels.
-
-    Raises:
-        SettingError: pixels to be withheld, and no saturation known.
-        DataError: more than half of them are saturated, or have the largest value of all where that is not known.
-    """
-    gone = values >= (values.max() if saturation is None else saturation)
+    """A snapshot whose notes tell of the saturated pixels of its capture (H, W'), the value from which on they say
+    nothing being known or None; without those pixels, if they are to be withheld."""
+    source, gone = taken.notes["source"], values >= (values.max() if saturation is None else saturation)
+    share = float(gone.mean())
     if withhold and saturation is not None and gone.all():
-        raise DataError(taken.notes["source"], f"nothing below the saturation of {saturation:g}", "some pixels")
-    if gone.mean() > _MOST:
-        found = f"{gone.mean():.0%} of the pixels saturated"
-        raise DataError(taken.notes["source"], found, f"{_MOST:.0%} at most", "expose for less time")
+        raise DataError(source, f"nothing below the saturation of {saturation:g}", "some pixels")
+    if share > _MOST:
+        raise DataError(source, f"{share:.0%} of the pixels saturated", f"{_MOST:.0%} at most", "expose for less time")
     if saturation is None:
         if withhold:
             remedy = "add it to the description"
             raise SettingError("--withhold-saturated", "no saturation in the prototype", "its value", remedy)
         return taken
-    taken.notes |= {PIXELS: int(gone.sum()), SATURATED: float(gone.mean()), WITHHELD: int(withhold)}
+    taken.notes |= {PIXELS: int(gone.sum()), SATURATED: share, WITHHELD: int(withhold)}
     if withhold:
         return without_pixels(taken, torch.from_numpy(gone))
-    warn_of_saturation(taken.notes["source"], float(gone.mean()), "withhold them (--withhold-saturated)", stacklevel=4)
+    warn_of_saturation(source, share, "withhold them (--withhold-saturated)", stacklevel=4)
     return taken
 
 
@@ -141,11 +126,11 @@ def import_capture(
             found, wanted = ("none", "the file of the mask") if mask is None else (repr(name), "none")
             raise SettingError("--mask" if mask is None else "--name", found, wanted)
         taken, values = _dispersed(Path(capture), prototype, Path(mask), noise)
-        return marked(taken, values, prototype.saturation, withhold_saturated)
-    if mask is not None:
-        raise SettingError("--mask", str(mask), "none: the shutter lies in the capture's file", "leave it out")
-    taken, values = _shuttered(Path(capture), prototype, name, noise)
-    return marked(taken, values, prototype.saturation, withhold_saturated)
+    else:
+        if mask is not None:
+            raise SettingError("--mask", str(mask), "none: the shutter lies in the capture's file", "leave it out")
+        taken, values = _shuttered(Path(capture), prototype, name, noise)
+    return _marked(taken, values, prototype.saturation, withhold_saturated)
 
 
 def _dispersed(
@@ -158,7 +143,7 @@ def _dispersed(
         raise DataError(mask, f"a mask of {code.min():g} to {code.max():g}", "transmittances between 0 and 1")
     response = prototype.response_of_bands()
     code = registered(code, prototype.registration)
-    spread = noise_of(values, noise, capture)
+    spread = _noise_of(values, noise, capture)
     unit = code.mean() * response.sum() / (prototype.white - prototype.black)
     sensor = Sensor(read_noise=spread * unit, full_well=prototype.full_well, saturates=False)
     try:
@@ -187,7 +172,7 @@ def _shuttered(
     pair = prototype.captures[name]
     values, patterns = _overlap(capture, pair)
     shutter = torch.from_numpy(np.moveaxis(patterns, -1, 0).astype(np.float32).copy())
-    spread = noise_of(values, noise, capture)
+    spread = _noise_of(values, noise, capture)
     unit = 1 / (prototype.white - prototype.black)
     camera = SpectralCamera(
         bands=[prototype.wavelength_nm * 1e-9], size=values.shape, slots=len(shutter), exposure="per-slot",
