@@ -181,7 +181,7 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     names = [frame.name for frame in wanted if frame.of != DARK]
     whole = names == [WHOLE]
     frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
-    opened = torch.ones(1, *camera.snapshot_shape[1:]) if whole else shutter_of(export, camera)
+    opened = opened_of(export, camera)
     frames = frames * opened.to(frames)[:, None]
     values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
     repeats = torch.tensor([float(len(series[name])) for name in names])
@@ -235,11 +235,13 @@ def with_noise(camera: Camera, read: float, repeats: float) -> Camera:
     return camera.replace(sensor=Sensor(**settings))
 
 
-def shutter_of(export: str | Path, camera: Camera) -> torch.Tensor:
+def opened_of(export: str | Path, camera: Camera) -> torch.Tensor:
+    """(K, H, W) the shutter by which frames of slots are masked; (1, H, W) ones of a whole exposure."""
+    if exposed_whole(read_manifest(export)):
+        return torch.ones(1, *camera.snapshot_shape[1:])
     shown = read_export(export)
-    if "shutter" not in shown.planes:
-        shown = planes_of(camera, str(export))
-    return shown.full("shutter", camera.snapshot_shape[1:])
+    codes = shown if "shutter" in shown.planes else planes_of(camera, str(export))
+    return codes.full("shutter", camera.snapshot_shape[1:])
 
 
 def check_camera(export: str | Path, camera: Camera) -> None:

@@ -19,7 +19,7 @@ from tmca.errors import check_range
 from tmca.lab.acquisition.captures import DARK, frames_of
 from tmca.lab.acquisition.drivers import Calls, Device, number_of
 from tmca.lab.acquisition.frame_folder import FrameFolder
-from tmca.lab.acquisition.session import calls_of, check_camera, frame_of, read_noise, shutter_of, units_of, with_noise
+from tmca.lab.acquisition.session import calls_of, check_camera, frame_of, opened_of, read_noise, units_of, with_noise
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import check_export, exposed_whole
 from tmca.lab.frames import check_size
@@ -112,9 +112,7 @@ class Exposures:
             names = [name for name in self.device.files if name.startswith(DARK)]
         darks = [self._frame(name, None) for name in names]
         self._dark = torch.stack(darks).mean(0)
-        self._opened = (
-            torch.ones(1, *self.camera.snapshot_shape[1:]) if self.whole else shutter_of(self.export, self.camera)
-        )
+        self._opened = opened_of(self.export, self.camera)
         if not self.camera.noise.read and not self.camera.noise.shot:
             read = self.gain * read_noise(torch.stack(darks), torch.ones(len(self.steps)), self._opened, self.camera)
             self.camera = with_noise(self.camera, read, 1.0)
@@ -140,7 +138,7 @@ class Exposures:
         frames = torch.stack([self._frame(name, step.slot) for name, step in zip(names, self.steps, strict=True)])
         saturated = float((frames >= self.saturation).double().mean())
         light = (frames - self._dark) * self.gain * self._opened.to(frames)[:, None]
-        values = light.sum(0) if self.camera.exposure == "per-slot" or self.whole else light.mean(0)
+        values = light.sum(0) if self.camera.exposure == "per-slot" else light.mean(0)
         self.number, now = number + 1, time.monotonic()
         return Exposure(number, values[None].float(), saturated, now - begun, now)
 
