@@ -50,7 +50,7 @@ def test_the_standard_deviation_is_that_of_many_scans(tmp_path, gain):
     for seed in range(60):
         seen = render_scan(truth, read_noise=8.0, gain=gain, darks=4, seed=seed)
         scan = read_scan(*folders(tmp_path, seen, NM[:3]), saturation=4095)
-        found = measure_reflectance(scan, gain=gain, read_noise=8.0)
+        found = measure_reflectance(scan, gain=gain, read_noise=8.0, white_reflectance=0.7)
         estimates.append(found["reflectance"].values)
     spread = np.std(estimates, axis=0, ddof=1)
     assert np.sqrt(np.mean(spread**2 / found["reflectance_std"].values ** 2)) == pytest.approx(1, abs=0.05)
@@ -67,18 +67,6 @@ def test_dark_frames_of_every_wavelength_tell_the_noise_of_one(tmp_path, repeats
     scan = read_scan(scene, tmp_path / "own", white)
     assert scan.read_noise == pytest.approx(8.0, rel=0.05)
     assert scan.dark_frames.tolist() == [repeats] * 31
-
-
-def test_the_formula_is_the_derivative_by_every_frame(tmp_path):
-    seen = render_scan(cube(2, (4, 5)), read_noise=0, darks=1, bits=16)
-    scan = read_scan(*folders(tmp_path, seen, NM[:2]))
-    scene, white, dark = scan.scene.values.astype(float), scan.white.values.astype(float), scan.dark
-    step, parts = 1e-3, []
-    for change in ((step, 0, 0), (0, step, 0), (0, 0, step)):
-        moved = 0.98 * (scene + change[0] - dark - change[2]) / (white + change[1] - dark - change[2])
-        parts.append((moved - 0.98 * (scene - dark) / (white - dark)) / step * np.sqrt(5.0**2 + 1 / 12))
-    found = measure_reflectance(scan, read_noise=5.0, white_reflectance=0.98)["reflectance_std"].values
-    assert np.allclose(found, np.sqrt(sum(part**2 for part in parts)), rtol=1e-3)
 
 
 def test_saturated_pixels_are_left_out_and_counted(tmp_path):
