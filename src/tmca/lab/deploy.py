@@ -109,18 +109,11 @@ def read_description(folder: Path) -> Description:
 
 
 def check_camera(about: Description, camera: Any, where: object, *, withheld: bool = False) -> None:
-    """Raises DataError unless a camera is the one that a decoder was made for.
-
-    Args:
-        about: the decoder.
-        camera: that took a snapshot.
-        where: file of the snapshot or of the weights.
-        withheld: pixels of the snapshot are, which closes their shutter.
-    """
+    """Raises DataError unless a camera, of a snapshot or of weights, is the one that a decoder was made for; pixels
+    that are withheld have a closed shutter."""
     if camera.kind != SpectralCamera.kind:
         raise DataError(where, f"a {camera.kind} camera", "the spectral camera of the decoder")
-    shapes = {"snapshot": camera.snapshot_shape, "scene": camera.scene_shape}
-    for name, shape in shapes.items():
+    for name, shape in (("snapshot", camera.snapshot_shape), ("scene", camera.scene_shape)):
         if (wanted := getattr(about, name)) != (1, *shape):
             raise DataError(where, f"a {name} of shape {(1, *shape)}", f"{wanted} as the decoder's")
     if not same_bands(camera.wavelengths, about.wavelengths_m):

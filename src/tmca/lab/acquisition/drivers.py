@@ -101,10 +101,8 @@ class Recorded(Protocol):
 
 
 def device_drivers() -> dict[str, EntryPoint]:
-    """Benches that can be named: the package's own, whose names nobody else's can take, and those of packages that are
-    installed."""
-    points = {point.name: point for point in entry_points(group=GROUP)}
-    return {**OWN, **points, **OWN}
+    """Benches that can be named: the package's own, whose names nobody else's can take, and those of other packages."""
+    return OWN | {point.name: point for point in entry_points(group=GROUP)} | OWN
 
 
 def find_device(name: str, /, **settings: Any) -> Device:
@@ -125,8 +123,8 @@ def find_device(name: str, /, **settings: Any) -> Device:
     if name in OWN:
         factory = OWN[name].load()
         _check_settings(factory, settings)
-        device: Device = factory(**settings)
-        return device
+        own: Device = factory(**settings)
+        return own
     with answering(name):
         device = drivers[name].load()(**settings)
     if not isinstance(device, Device):
@@ -139,25 +137,15 @@ def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
     parameters = signature(factory).parameters
     for name in settings:
         if name not in parameters:
-            raise SettingError(
-                f"--set {name}", "a setting that this device does not have", f"one of {', '.join(parameters)}"
-            )
+            found, expected = "a setting that this device does not have", f"one of {', '.join(parameters)}"
+            raise SettingError(f"--set {name}", found, expected)
     for name, parameter in parameters.items():
         if parameter.default is parameter.empty and name not in settings:
             raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
 
 
 def number_of(device: Device, name: str, default: float | None = None) -> float:
-    """A number that a driver has.
-
-    Args:
-        device: the driver.
-        name: of its attribute.
-        default: where it has none.
-
-    Raises:
-        DeviceError: none, or one that is not finite and above 0.
-    """
+    """A number that a driver has as an attribute; DeviceError for none, or one that is not finite and above 0."""
     with answering(device):
         number = float(getattr(device, name) if default is None else getattr(device, name, default))
     if not 0 < number < inf:
@@ -168,14 +156,7 @@ def number_of(device: Device, name: str, default: float | None = None) -> float:
 
 @contextmanager
 def answering(device: object) -> Iterator[None]:
-    """Whatever fails in a driver is a device that does not answer, in one line; the cause stays beneath.
-
-    Args:
-        device: the driver, or its name.
-
-    Raises:
-        DeviceError: in the place of an exception that is none of the package's.
-    """
+    """Whatever fails in a driver, or in that of a name, is a DeviceError in one line; the cause stays beneath."""
     try:
         yield
     except TmcaError:
@@ -193,15 +174,8 @@ T = TypeVar("T")
 
 
 def time_limit(manifest: dict[str, Any], asked: float | None) -> float | None:
-    """Seconds that a call of a driver is waited for; None for as long as it takes.
-
-    Args:
-        manifest: of the export that is captured.
-        asked: seconds; 0 for no limit; without, 30 s or three exposures, whichever is longer.
-
-    Raises:
-        SettingError: a time below 0, or none at all.
-    """
+    """Seconds that a call of a driver is waited for, None for as long as it takes: those that are asked for, 0 for no
+    limit; without, 30 s or three exposures, whichever is longer. SettingError for a time below 0, or none at all."""
     if asked is None:
         return max(_LEAST, _EXPOSURES * float(manifest["exposure_s"]))
     if not (isfinite(asked) and asked >= 0):
@@ -215,9 +189,7 @@ class Calls:
     One thread, for there are drivers that answer none but the one that loaded them; a daemon, for nothing but the end
     of the process ends a driver that hangs.
 
-    Args:
-        device: the driver.
-        limit: seconds; None calls where it stands, and waits as long as it takes.
+    A limit of None, not seconds, calls where it stands, and waits as long as it takes.
     """
 
     def __init__(self, device: Device, limit: float | None) -> None:

@@ -24,12 +24,8 @@ _NAMES = f"slot_000, slot_001, …, repeats slot_000_r1, …; {WHOLE}, {WHOLE}_r
 
 
 def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) -> dict[str, Path]:
-    """Name of a frame, as ``captures.frames_of`` gives it, → its file.
-
-    Args:
-        files: in the order of the numbers in their names. Those that begin with ``dark`` are dark ones, in their order.
-        manifest: of the export.
-        folder: that errors name.
+    """Name of a frame, as ``captures.frames_of`` gives it, → its file, of files in the order of the numbers in their
+    names. Those that begin with ``dark`` are dark ones, in their order.
 
     Raises:
         DataError: names that do not say which frame they are, or no whole number of exposures.
@@ -42,12 +38,15 @@ def named_frames(files: Sequence[Path], manifest: dict[str, Any], folder: Path) 
     if not by_place or len(by_place) % len(once):
         expected = f"{len(once)}, or as many again for every repeat"
         raise DataError(folder, f"{len(light)} frames of light", expected, "see docs/devices.md")
-    names = [name + (f"_r{n}" if n else "") for n in range(len(by_place) // len(once)) for name in once]
+    names = [_repeat(name, n) for n in range(len(by_place) // len(once)) for name in once]
     if gone := [name for n, name in enumerate(names) if n not in by_place]:
         raise DataError(folder, f"no frame of {', '.join(gone[:3])}", f"names such as {_NAMES}", "take or rename it")
-    return {DARK + (f"_r{n}" if n else ""): file for n, file in enumerate(dark)} | {
-        name: by_place[n] for n, name in enumerate(names)
-    }
+    darks = {_repeat(DARK, n): file for n, file in enumerate(dark)}
+    return darks | {name: by_place[n] for n, name in enumerate(names)}
+
+
+def _repeat(name: str, number: int) -> str:
+    return f"{name}_r{number}" if number else name
 
 
 def _by_number(light: Sequence[Path], manifest: dict[str, Any], folder: Path) -> dict[int, Path]:

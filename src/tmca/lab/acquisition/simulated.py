@@ -72,22 +72,13 @@ class SimulatedBench:
         level = max(1 / 64, 6 * camera.noise.read * camera.slots / camera.full_scale)
         level += max(0.0, -self.hardware.bucket_offset)
         self.black = int(level * self.saturation / (1 + level)) if black is None else black
-        self._top = camera.full_scale if whole else camera.white
+        white = camera.full_scale if whole else camera.white
+        self.gain = self.snapshot_units_per_dn = float(white / (self.saturation - self.black))
         self.loaded, self.coded = False, False
         self.shown: int | None = None
         self.light: Light | None = None
         self.name: str | None = None
         self.taken, self.stops_after, self.drift, self.exposures = 0, stops_after, drift, 0
-
-    @property
-    def gain(self) -> float:
-        """Snapshot units of a digital number."""
-        return float(self._top / (self.saturation - self.black))
-
-    @property
-    def snapshot_units_per_dn(self) -> float:
-        """See ``Device``."""
-        return self.gain
 
     def name_frame(self, name: str) -> None:
         """See ``Named``: a frame has the noise of its name, whenever it is taken."""
@@ -104,10 +95,11 @@ class SimulatedBench:
         if codes.slots != self.known.slots and ("shutter" in codes.planes or codes.modes):
             raise DeviceError("simulated bench", f"{codes.slots} slots", f"the camera's {self.known.slots}")
         if self.scene and self.hardware.leakage and not self.coded:
-            expected = "none where frames of an ordinary camera are masked afterwards"
-            raise SettingError(
-                "leakage", f"{self.hardware.leakage:g}", expected, "export to coded-exposure, or leave it"
+            found, expected = (
+                f"{self.hardware.leakage:g}",
+                "none where frames of an ordinary camera are masked afterwards",
             )
+            raise SettingError("leakage", found, expected, "export to coded-exposure, or leave it")
         for scene in self.scene[:1]:
             check_displacement(self.hardware.movement, scene.shape[-2:])
         self.camera = self._on_bench(lab_camera(self.known).showing(self.known, codes))
@@ -196,15 +188,8 @@ def seen_in_frame(camera: Any, slot: int, settled: bool = False) -> tuple[list[i
     """Patterns that a frame sees which an ordinary camera takes for one slot, and how long.
 
     Its shutter is open for all pixels while shutter pattern ``slot`` would be shown: late, row after row, while the
-    aperture still turns to its next pattern, as the faults of the camera say.
-
-    Args:
-        camera: on its bench.
-        slot: of the frame.
-        settled: the frame waits for a pattern that stands still.
-
-    Returns:
-        Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
+    aperture still turns to its next pattern, as the faults of the camera say; not where a frame waits for a pattern
+    that is ``settled``. Indices of n patterns, and (n, H) shares of a slot for every row of the sensor.
     """
     timed = [part.faults for part in camera.modules() if isinstance(part, FaultyCodes | FaultyShutter)]
     if settled or not timed or not timed[0].timed:
@@ -219,12 +204,7 @@ def of_one_slot(camera: Any, patterns: Sequence[int], shares: Tensor, slots: int
 
     A slot of an equal exposure lasts the K-th part of it: the sensor collects a K-th of the light, and what it reads is
     K-fold, so that snapshots of all slots, masked, average to that of the exposure, shot and read noise as they are.
-
-    Args:
-        camera: on its bench.
-        patterns: that the frame sees.
-        shares: (n, H) of a slot that each is seen for, see ``seen_in_frame``.
-        slots: K of the exposure.
+    The n patterns and their (n, H) shares of a slot are those of ``seen_in_frame``.
     """
     parts: dict[str, Any] = {"sensor": sub_exposed(camera, slots), "slots": len(patterns), "exposure": "equal"}
     # a mean over these patterns is then their sum

@@ -81,9 +81,8 @@ class Planes:
             return plane
         if name in self.tiled:
             patterns = plane.flatten(0, -3)
-            return CodePlane(patterns, len(patterns), size, period=pixels, name=name)().reshape(
-                *plane.shape[:-2], *size
-            )
+            whole = CodePlane(patterns, len(patterns), size, period=pixels, name=name)()
+            return whole.reshape(*plane.shape[:-2], *size)
         if pixels[0] < size[0] or pixels[1] < size[1]:
             raise ShapeError(self.source, f"{name} of {pixels[0]}×{pixels[1]} pixels", f"{size[0]}×{size[1]} or more")
         top, left = (pixels[0] - size[0]) // 2, (pixels[1] - size[1]) // 2
@@ -91,16 +90,8 @@ class Planes:
 
 
 def by_slot(shutter: Tensor, slots: int, buckets: int) -> Tensor:
-    """(K, h, w) of one bucket, or of the first of two that share all light; else (R, K, h, w) of every bucket.
-
-    Args:
-        shutter: as a camera's codes give it, (K, h, w) or (R·K, h, w).
-        slots: K.
-        buckets: R.
-
-    Raises:
-        SettingError: patterns that are not those of R buckets.
-    """
+    """(K, h, w) of one bucket, or of the first of two that share all light; else (R, K, h, w) of every bucket. Of a
+    shutter as a camera's codes give it, (K, h, w) or (R·K, h, w); SettingError for other patterns."""
     check_patterns(len(shutter), buckets, slots)
     if buckets == 1:
         return shutter
@@ -158,11 +149,7 @@ def _of_file(path: Path) -> Planes:
 
 @torch.no_grad()
 def planes_of(camera: Any, source: str) -> Planes:
-    """Codes of a camera.
-
-    Args:
-        camera: of any kind.
-        source: file or folder that it came from.
+    """Codes of a camera of any kind, which came from a file or folder.
 
     Raises:
         SettingError: a camera without codes of an aperture or masks, or with a coloured aperture.
@@ -202,12 +189,8 @@ def check_buckets(codes: Planes, device: DeviceDescription) -> None:
 
 
 def numbers_of(shutter: NDArray[np.float32], device: DeviceDescription) -> NDArray[np.float32]:
-    """(K, H, W) numbers in the frames of a sensor, see ``DeviceDescription.places``.
-
-    Args:
-        shutter: (R, K, H, W) of every bucket, or (K, H, W) of the first of two that share all light.
-        device: a sensor with several buckets a pixel.
-    """
+    """(K, H, W) numbers in the frames of a sensor with several buckets, see ``DeviceDescription.places``: of a shutter
+    (R, K, H, W) of every bucket, or (K, H, W) of the first of two that share all light."""
     shutters = shutter if shutter.ndim == 4 else np.stack((shutter, 1 - shutter))
     return np.asarray(sum(n * shutters[b] for n, b in enumerate(device.places) if b is not None))
 
@@ -247,11 +230,7 @@ class Terms:
 
 
 def terms_of(codes: Planes, device: DeviceDescription) -> Terms:
-    """Terms of a mirror that shows height maps.
-
-    Args:
-        codes: with ``heights`` of a mirror.
-        device: a deformable mirror.
+    """Terms of a deformable mirror that shows height maps.
 
     Raises:
         SettingError: heights of a mask that is no mirror, or terms beyond the stroke.
@@ -261,12 +240,8 @@ def terms_of(codes: Planes, device: DeviceDescription) -> Terms:
         raise SettingError(codes.source, f"a mask of {material}", "one of mirror heights", "design it on a mirror")
     heights = codes.full("heights").double()
     modes = [noll(index) for index in device.noll]
-    fits = [fit_zernike(one - one.mean(), modes) for one in heights]
-    terms = Terms(
-        device.noll,
-        np.stack([fit[0].numpy() for fit in fits]),
-        np.array([_rms(fit[1]) for fit in fits]),
-    )
+    rms, left = zip(*(fit_zernike(one - one.mean(), modes) for one in heights), strict=True)
+    terms = Terms(device.noll, np.stack([one.numpy() for one in rms]), np.array([_rms(one) for one in left]))
     _check_stroke(terms, device, codes.source)
     return terms
 

@@ -131,16 +131,9 @@ def export_codes(
 def export_like(
     codes: Planes, placed: Mapping[str, tuple[DeviceDescription, Placement]], out: str | Path, slot: float
 ) -> Export:
-    """Write other codes for the devices of an export, placed as its own are; what is in the folder's place is replaced.
+    """Write other codes for the devices of an export, placed as its own are; see ``export_codes``.
 
-    Args:
-        codes: planes of the sizes of those placements.
-        placed: device and placement by plane.
-        out: folder, written whole or not at all.
-        slot: seconds.
-
-    Raises:
-        SettingError, OutputError: see ``export_codes``.
+    What is in the folder's place is replaced. Codes have the sizes of the placements, a slot lasts so many seconds.
     """
     check_free(Path(out), overwrite=True)
     shown: list[_Shown] = [(device, codes.full(plane).numpy(), place) for plane, (device, place) in placed.items()]
@@ -288,21 +281,13 @@ def _manifest(codes: Planes, exposure: float, planes: list[dict[str, Any]]) -> d
 
 
 def export_figure(manifest: dict[str, Any], folder: Path) -> Figure:
-    """The first slots of every plane: frames as devices show them, Zernike terms as bars.
-
-    Args:
-        manifest: of the export.
-        folder: of the export.
-    """
+    """The first slots of every plane of an export: frames as devices show them, Zernike terms as bars."""
     from tmca.plots.lab import shown_figure
 
     slots = range(min(_SLOTS, manifest["slots"]))
-    return shown_figure(
-        {
-            f"{plane['plane']}\n{plane['device']['name']}": [_picture(plane, slot, folder) for slot in slots]
-            for plane in manifest["planes"]
-        }
-    )
+    names = [f"{plane['plane']}\n{plane['device']['name']}" for plane in manifest["planes"]]
+    pictures = [[_picture(plane, slot, folder) for slot in slots] for plane in manifest["planes"]]
+    return shown_figure(dict(zip(names, pictures, strict=True)))
 
 
 def _picture(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.ndarray, Sequence[int] | None]:
