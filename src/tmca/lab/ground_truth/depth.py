@@ -54,15 +54,10 @@ def _in_range(depth: Array, position: Array, plan: FringePlan, ends: tuple[float
 
 
 def _company(depth: Array, std: Array, focal: float) -> NDArray[np.int_]:
-    """How many of a pixel's eight neighbours share its depth; NaN shares none.
+    """How many of a pixel's eight neighbours share its depth, metres; NaN shares none. The focal length is in pixels.
 
     A pixel that sees two surfaces, or one half in shadow, has a wrong depth, and so may the two beside it along the
     edge. Neighbours share a depth if a surface less steep than 76° can join them, noise apart.
-
-    Args:
-        depth: metres.
-        std: of the depth.
-        focal: of the camera in pixels.
     """
     doubt = 4 * np.sqrt(2) * std
     padded = np.pad(depth, 1, mode="edge")  # the picture's border is no edge of a surface
@@ -195,19 +190,12 @@ def _check_some(why: Why, capture: Capture) -> None:
 def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phases, capture: Capture) -> xr.Dataset:
     import xarray as xr
 
-    valid = why == 0
-    about = {"units": "m", "long_name": "standard deviation of the depth"}
-    return xr.Dataset(
-        {
-            "depth": label_depth(np.where(valid, depth, np.nan), capture.source),
-            "depth_std": (("y", "x"), np.where(valid, std, np.nan).astype(np.float32), about),
-            "confidence": (("y", "x"), why, {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}),
-            "position": (
-                ("y", "x"),
-                np.where(valid, position, np.nan).astype(np.float32),
-                {"units": "projector pixel"},
-            ),
-            "modulation": (("y", "x"), phases.modulation[-1].astype(np.float32), {"units": "digital number"}),
-        },
-        attrs={"source": str(capture.source), "noise": phases.noise, "metric": True},
-    )
+    plane, known, about = ("y", "x"), why == 0, {"units": "m", "long_name": "standard deviation of the depth"}
+    parts = {
+        "depth": label_depth(np.where(known, depth, np.nan), capture.source),
+        "depth_std": (plane, np.where(known, std, np.nan).astype(np.float32), about),
+        "confidence": (plane, why, {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}),
+        "position": (plane, np.where(known, position, np.nan).astype(np.float32), {"units": "projector pixel"}),
+        "modulation": (plane, phases.modulation[-1].astype(np.float32), {"units": "digital number"}),
+    }
+    return xr.Dataset(parts, attrs={"source": str(capture.source), "noise": phases.noise, "metric": True})

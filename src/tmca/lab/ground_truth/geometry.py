@@ -60,10 +60,6 @@ class Lens:
             y * radial + 2 * p2 * x * y + p1 * (square + 2 * y * y),
         )
 
-    def about(self) -> dict[str, Any]:
-        """For JSON."""
-        return {"size": list(self.size), "matrix": self.matrix, "distortion": self.distortion}
-
 
 @dataclass(frozen=True)
 class ProjectorCalibration:
@@ -89,7 +85,7 @@ class ProjectorCalibration:
         Raises:
             OutputError: see `tmca.data.atomic_path`.
         """
-        about = {"camera": self.camera.about(), "projector": self.projector.about()}
+        about = {"camera": vars(self.camera), "projector": vars(self.projector)}
         places = {"rotation": self.rotation, "translation_m": self.translation}
         return write_json(about | places, path, overwrite=overwrite)
 

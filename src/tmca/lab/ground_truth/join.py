@@ -88,9 +88,7 @@ def _checked(asked: NDArray[np.float64], scanned: NDArray[np.float64], spectra: 
 
 def _at(asked: NDArray[np.float64], scanned: NDArray[np.float64], cube: NDArray[Any]) -> NDArray[np.float64]:
     """The cube between its bands; of standard deviations that is no less than what is true."""
-    above = (
-        np.clip(np.searchsorted(scanned, asked), 1, len(scanned) - 1) if len(scanned) > 1 else np.zeros(len(asked), int)
-    )
+    above = np.clip(np.searchsorted(scanned, asked), min(1, len(scanned) - 1), len(scanned) - 1)
     below = np.maximum(above - 1, 0)
     gap = np.where(above > below, scanned[above] - scanned[below], 1.0)
     share = np.where(above > below, (asked - scanned[below]) / gap, 1.0)[:, None, None]

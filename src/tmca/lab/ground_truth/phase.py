@@ -206,10 +206,6 @@ def ladder(fringes: tuple[int, ...]) -> list[Rung]:
 def temporal_unwrap(phases: Phases, fringes: tuple[int, ...]) -> tuple[Array, Array, Array]:
     """Absolute phase of the finest fringes, rung by rung from one fringe (Huntley and Saldner, Appl. Opt. 32, 1993).
 
-    Args:
-        phases: of the frequencies ``fringes``.
-        fringes: over the projector's extent, coarse to fine.
-
     Returns:
         The phase ``(H, W)`` in [0, 2π·finest), radians; the disagreement ``(H, W)``, the largest difference between a
         rung and what the one below it predicts, in standard deviations of that difference; and the largest of those
@@ -249,14 +245,8 @@ def spatial_unwrap(phases: Phases, fringes: tuple[int, ...], inside: NDArray[np.
     of it (see `tmca.lab.ground_truth.phase`). Whole fringes are counted from the coarser frequencies, one
     number for each connected region: a jump of more than half a fringe inside a region is lost.
 
-    Args:
-        phases: of the frequencies ``fringes``.
-        fringes: coarse to fine.
-        inside: ``(H, W)``, the pixels with a phase.
-        how: ``"spatial"`` or ``"graph-cut"``.
-
     Returns:
-        ``(H, W)`` radians, NaN outside.
+        ``(H, W)`` radians, NaN where a pixel is not ``inside``.
 
     Raises:
         SettingError: see `ladder`.

@@ -27,9 +27,9 @@ _DARKEST = 5.0
 _SATURATED = 0.5
 
 
-def check_alike(scene: Frames, white: Frames, dark: Frames) -> None:
-    """Raises DataError unless the three have frames of one size and one type."""
-    for other in (white, dark):
+def _check_alike(scene: Frames, others: Sequence[Frames]) -> None:
+    """Raises DataError unless all have frames of one size and one type."""
+    for other in others:
         check_size(other.source, "frames", other.values.shape[1:], scene.values.shape[1:], "capture them as the scene")
         if other.kind != scene.kind:
             found, remedy = f"digital numbers of type {other.kind}", "save all with the same settings"
@@ -89,7 +89,7 @@ def read_scan(
     if asked is not None and (not asked.size or (np.diff(asked) <= 0).any()):
         raise SettingError("wavelengths", f"{asked.size} that do not ascend", "ascending wavelengths")
     taken, bright, black = (read_frames(path, saturation) for path in (scene, white, dark))
-    check_alike(taken, bright, black)
+    _check_alike(taken, (bright, black))
     frames, nm, of_scene = _bands(taken, asked)
     whites, _, of_white = _bands(bright, nm)
     below, count, noise = _dark(black, nm)
@@ -177,10 +177,9 @@ def measure_reflectance(
         raise SettingError("white_reflectance", f"{white.min():g} to {white.max():g}", "above 0, near 1")
     floor = _variance(scan, read_noise, gain)
     above, range_ = scan.scene.values - scan.dark, scan.white.values - scan.dark
-    counts = (scan.scene_frames, scan.white_frames)
     noise = [
         (floor + gain * np.maximum(light, 0)) / count[:, None, None]
-        for light, count in zip((above, range_), counts, strict=True)
+        for light, count in ((above, scan.scene_frames), (range_, scan.white_frames))
     ]
     quality = np.where(range_ <= _DARKEST * np.sqrt(noise[1]), 2, 0).astype(np.uint8)
     quality[scan.scene.saturated | scan.white.saturated] = 1
