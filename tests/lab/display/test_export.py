@@ -18,8 +18,6 @@ from tmca.lab.display.manifest import check_export, read_export
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
 
-SIZES = [(12, 16), (13, 17)]
-
 
 def snapshot(folder, camera):
     return Snapshot(torch.zeros(1, *camera.snapshot_shape), camera).save(folder / "taken.nc")
@@ -29,13 +27,19 @@ def spectral(size=(12, 16), **settings):
     return SpectralCamera(bands=3, size=size, slots=3, seed=2, **settings)
 
 
+def export(folder, camera, *devices, **how):
+    """An export ``out`` of a camera's codes, which a snapshot beside it keeps."""
+    described = [device_named(device) if isinstance(device, str) else device for device in devices]
+    return export_codes(read_planes(snapshot(folder, camera)), described, folder / "out", **how)
+
+
 def mirror(modes=range(4, 16), rms=20e-9, **settings):
     drawn = rms * torch.randn(2, len(modes), generator=torch.Generator().manual_seed(1))
     maps = ZernikeHeights(drawn, [noll(i) for i in modes], SpectralDepthCamera.from_preset("quick").bench.mask_size)
     return SpectralDepthCamera.from_preset("quick", size=(16, 18), slots=2, mask=maps, **settings)
 
 
-@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("size", [(12, 16), (13, 17)])
 @pytest.mark.parametrize(
     "device",
     [
@@ -46,34 +50,31 @@ def mirror(modes=range(4, 16), rms=20e-9, **settings):
 )  # fmt: skip
 def test_codes_come_back(tmp_path, size, device):
     camera = spectral(size)
-    devices = [device, device_named("emulated-shutter")]
-    export_codes(read_planes(snapshot(tmp_path, camera)), devices, tmp_path / "out")
-    found = read_export(tmp_path / "out")
+    found = read_export(export(tmp_path, camera, device, "emulated-shutter").folder)
     for name, plane in zip(("aperture", "shutter"), camera.codes(), strict=True):
         assert torch.equal(found.planes[name], plane)
 
 
 def test_masks_of_a_light_field_camera_come_back(tmp_path):
     camera = LightFieldCamera(views=3, size=(9, 11), slots=2)
-    export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120")], tmp_path / "out")
-    assert torch.equal(read_export(tmp_path / "out").planes["aperture"], camera.codes()[0])
+    found = read_export(export(tmp_path, camera, "dli4120").folder)
+    assert torch.equal(found.planes["aperture"], camera.codes()[0])
 
 
 def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):
     camera = mirror()
-    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
-    found = read_export(tmp_path / "out")
+    written = export(tmp_path, camera, "dmp40")
     wanted = camera.point_spread.heights.metres().detach()
-    torch.testing.assert_close(found.modes["coefficients"], wanted, atol=1e-12, rtol=1e-4)
-    assert max(export.manifest["planes"][0]["residual_rms_nm"]) < 0.05
+    torch.testing.assert_close(read_export(written.folder).modes["coefficients"], wanted, atol=1e-12, rtol=1e-4)
+    assert max(written.manifest["planes"][0]["residual_rms_nm"]) < 0.05
 
 
 def test_what_a_mirror_cannot_show_is_told(tmp_path):
     """Modes of equal strength, half of which the mirror has not: the other half is left."""
     camera = mirror(modes=range(4, 28))
-    export = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dmp40")], tmp_path / "out")
+    found = export(tmp_path, camera, "dmp40").manifest["planes"][0]["residual_rms_nm"]
     rms = camera.point_spread.heights.metres().detach()[:, 12:].square().sum(1).sqrt() * 1e9
-    np.testing.assert_allclose(export.manifest["planes"][0]["residual_rms_nm"], rms, rtol=0.03)
+    np.testing.assert_allclose(found, rms, rtol=0.03)
 
 
 @pytest.mark.parametrize("index", [4, 5, 7, 11, 14])
@@ -81,12 +82,16 @@ def test_peaks_are_those_of_the_modes(index):
     assert float(zernike_modes([noll(index)], (401, 401)).abs().max()) == pytest.approx(peak(index), rel=0.02)
 
 
-def test_tiles_fill_the_device(tmp_path):
+@pytest.fixture
+def tiles(tmp_path):
+    """Tiles of an aperture and a shutter, and the codes of the file that they are kept in."""
     tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
-    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+    return *tiles, read_planes(write_codes(tmp_path / "codes.nc", *tiles, (4, 6)))
+
+
+def test_tiles_fill_the_device(tmp_path, tiles):
     devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
-    codes = read_planes(tmp_path / "codes.nc")
-    export_codes(codes, devices, tmp_path / "out", sensor_size=(9, 14))
+    export_codes(tiles[-1], devices, tmp_path / "out", sensor_size=(9, 14))
     found = read_export(tmp_path / "out").planes
     assert found["aperture"].shape == (2, 270, 480)
     assert torch.equal(found["aperture"][:, 4:8, 6:12], tiles[0])
@@ -94,8 +99,7 @@ def test_tiles_fill_the_device(tmp_path):
 
 
 def test_frames_are_of_the_kind_that_devices_take(tmp_path):
-    devices = [device_named("pluto-2.1"), device_named("coded-exposure")]
-    export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out")
+    export(tmp_path, spectral(), "pluto-2.1", "coded-exposure")
     with Image.open(tmp_path / "out" / "aperture" / "aperture_000.png") as frame:
         assert (frame.mode, frame.size) == ("L", (1920, 1080))
     with Image.open(tmp_path / "out" / "shutter" / "shutter_002.png") as frame:
@@ -103,13 +107,12 @@ def test_frames_are_of_the_kind_that_devices_take(tmp_path):
 
 
 def test_the_manifest_says_when_and_in_what_order(tmp_path):
-    export = export_codes(read_planes(snapshot(tmp_path, spectral())), [device_named("dli4120")], tmp_path / "out",
-                          exposure=0.3)  # fmt: skip
+    written = export(tmp_path, spectral(), "dli4120", exposure=0.3)
     frames = json.loads((tmp_path / "out" / "manifest.json").read_text())["planes"][0]["frames"]
     assert [frame["slot"] for frame in frames] == [0, 1, 2]
     assert [frame["start_s"] for frame in frames] == pytest.approx([0, 0.1, 0.2])
     assert all(frame["duration_s"] == pytest.approx(0.1) for frame in frames)
-    assert export.manifest["exposure_s"] == 0.3
+    assert written.manifest["exposure_s"] == 0.3
 
 
 @pytest.mark.parametrize("gamma", [1.0, 2.2])
@@ -142,7 +145,7 @@ def test_a_phase_gives_the_light_that_crossed_polarisers_pass(tmp_path):
 def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
     (tmp_path / "lut.csv").write_text("grey,light\n0,0\n100,0.1\n255,1\n")
     camera, device = spectral(), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
-    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device], tmp_path / "out").folder
+    folder = export(tmp_path, camera, device).folder
     (tmp_path / "lut.csv").unlink()
     folder = folder.rename(tmp_path / "moved")
     assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
@@ -156,8 +159,7 @@ def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
 
 @pytest.fixture
 def written(tmp_path):
-    devices = [device_named("dli4120"), device_named("emulated-shutter")]
-    return export_codes(read_planes(snapshot(tmp_path, spectral())), devices, tmp_path / "out").folder
+    return export(tmp_path, spectral(), "dli4120", "emulated-shutter").folder
 
 
 def test_files_that_are_gone_or_changed_are_refused(written):
@@ -189,16 +191,15 @@ def test_a_manifest_that_is_none_is_refused(written, text):
     ],
 )  # fmt: skip
 def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, where):
-    codes = read_planes(snapshot(tmp_path, spectral()))
     with pytest.raises((SettingError, ShapeError)) as found:
-        export_codes(codes, [device_named(name) for name in devices], tmp_path / "out", **how)
+        export(tmp_path, spectral(), *devices, **how)
     assert found.value.where.endswith(where)
     assert [file.name for file in tmp_path.iterdir()] == ["taken.nc"]
 
 
 def test_masks_beyond_the_stroke_are_refused(tmp_path):
     with pytest.raises(SettingError, match=r"0\.01 µm at most"):
-        export_codes(read_planes(snapshot(tmp_path, mirror())), [device_named("dmp40", stroke_um=0.01)], tmp_path / "o")
+        export(tmp_path, mirror(), device_named("dmp40", stroke_um=0.01))
 
 
 def test_nothing_is_replaced_unasked(tmp_path, written):
@@ -248,32 +249,28 @@ def test_an_export_that_is_replaced_takes_nothing_else_with_it(tmp_path, written
 @pytest.mark.parametrize("bits", [1, 8, 12, 16])
 def test_open_mirrors_are_the_largest_number_of_their_frames(tmp_path, bits):
     camera = spectral()
-    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named("dli4120", bits=bits)],
-                          tmp_path / "out").folder  # fmt: skip
+    folder = export(tmp_path, camera, device_named("dli4120", bits=bits)).folder
     with Image.open(folder / "aperture" / "aperture_000.png") as frame:
         assert np.unique(np.asarray(frame)).tolist() == [0, 2**bits - 1]
     assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])
 
 
-def test_a_sensor_without_a_size_shows_no_tile_unasked(tmp_path):
-    tiles = torch.randint(0, 2, (2, 4, 6)).float(), torch.randint(0, 2, (2, 4, 6)).float()
-    write_codes(tmp_path / "codes.nc", *tiles, (4, 6))
+def test_a_sensor_without_a_size_shows_no_tile_unasked(tmp_path, tiles):
     with pytest.raises(SettingError, match=r"--sensor-size: found none, .*a tile of 4×6"):
-        export_codes(read_planes(tmp_path / "codes.nc"), [device_named("emulated-shutter")], tmp_path / "out")
+        export_codes(tiles[-1], [device_named("emulated-shutter")], tmp_path / "out")
     turned = device_named("dli4120", mounting_angle_deg=45.0)
     with pytest.raises(SettingError, match="--code-size: found none"):
-        export_codes(read_planes(tmp_path / "codes.nc"), [turned], tmp_path / "out")
+        export_codes(tiles[-1], [turned], tmp_path / "out")
 
 
 def test_all_terms_of_a_mirror_together_have_a_stroke(tmp_path):
     """Defocus alone, 2√3 a between its middle and its edge; with another term of its peak they add up."""
     camera = mirror()
-    codes = read_planes(snapshot(tmp_path, camera))
-    found = export_codes(codes, [device_named("dmp40")], tmp_path / "out").manifest["planes"][0]["peak_to_valley_um"]
+    found = export(tmp_path, camera, "dmp40").manifest["planes"][0]["peak_to_valley_um"]
     modes = zernike_modes([noll(i) for i in range(4, 16)], (301, 301))
     maps = torch.tensordot(camera.point_spread.heights.metres().detach().double(), modes, 1)[:, modes[0] != 0] * 1e6
     np.testing.assert_allclose(found, maps.amax(1) - maps.amin(1), rtol=0.03)
-    tight = device_named("dmp40", total_stroke_um=0.9 * max(found))
+    codes, tight = read_planes(tmp_path / "taken.nc"), device_named("dmp40", total_stroke_um=0.9 * max(found))
     with pytest.raises(SettingError, match=r"between peak and valley in slot \d.*total stroke of dmp40"):
         export_codes(codes, [tight], tmp_path / "other")
     export_codes(codes, [device_named("dmp40", total_stroke_um=1.1 * max(found))], tmp_path / "other")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tests.lab.display.test_export import snapshot, spectral
+from tests.lab.display.test_export import export, spectral
 from tmca.cameras import SpectralDepthCamera
 from tmca.codes import write_codes
 from tmca.errors import SettingError
@@ -39,9 +39,8 @@ def sorted_codes(buckets, slots=3, size=(12, 18), drained=False):
 )  # fmt: skip
 def test_what_every_bucket_collects_comes_back(tmp_path, settings, device):
     camera = spectral(**settings)
-    codes = read_planes(snapshot(tmp_path, camera))
-    folder = export_codes(codes, [device_named("dli4120"), device], tmp_path / "out").folder
-    found = read_export(folder)
+    folder = export(tmp_path, camera, "dli4120", device).folder
+    found, codes = read_export(folder), read_planes(tmp_path / "taken.nc")
     assert found.buckets == camera.buckets
     assert found.slots == 3
     assert torch.equal(found.planes["shutter"], codes.planes["shutter"])
@@ -50,7 +49,7 @@ def test_what_every_bucket_collects_comes_back(tmp_path, settings, device):
 
 def test_a_bit_says_which_of_two_buckets(tmp_path):
     camera = SpectralDepthCamera.from_preset("quick", size=(16, 18), slots=2, buckets=2)
-    folder = export_codes(read_planes(snapshot(tmp_path, camera)), [device_named(TWO)], tmp_path / "out").folder
+    folder = export(tmp_path, camera, TWO).folder
     plane = read_manifest(folder)["planes"][0]
     assert plane["units"] == "0 = bucket 2, 1 = bucket 1"
     shown = np.stack([read_frame(folder / frame["file"]) for frame in plane["frames"]])
@@ -58,8 +57,7 @@ def test_a_bit_says_which_of_two_buckets(tmp_path):
 
 
 def test_a_tile_that_a_sensor_holds_is_shown_all_over(tmp_path):
-    device = device_named(TWO, tile=(4, 4))
-    export_codes(read_planes(snapshot(tmp_path, spectral(buckets=2, period=4))), [device], tmp_path / "out")
+    export(tmp_path, spectral(buckets=2, period=4), device_named(TWO, tile=(4, 4)))
 
 
 @pytest.mark.parametrize(
@@ -75,9 +73,8 @@ def test_a_tile_that_a_sensor_holds_is_shown_all_over(tmp_path):
     ],
 )  # fmt: skip
 def test_what_a_sensor_cannot_do_leaves_nothing(tmp_path, settings, device, words):
-    codes = read_planes(snapshot(tmp_path, spectral(**settings)))
     with pytest.raises(SettingError, match=words):
-        export_codes(codes, [device_named("dli4120"), device], tmp_path / "out")
+        export(tmp_path, spectral(**settings), "dli4120", device)
     assert [file.name for file in tmp_path.iterdir()] == ["taken.nc"]
 
 
