@@ -2,6 +2,7 @@
 
 import time
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -66,24 +67,19 @@ def test_noise_is_measured_where_the_camera_knows_none(tmp_path):
         assert exposures.camera.noise.read == pytest.approx(0.02, rel=0.3)
 
 
-def running(tmp_path, bench=None, camera=None, **how):
-    camera = camera or spectral(sensor=Sensor(read_noise=0.01))
-    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
-    return Exposures(export, bench or bench_of(camera), camera, **how)
+CAMERA = CAMERAS["spectral"]
 
 
-def test_estimates_are_those_of_the_decoder(tmp_path):
-    with running(tmp_path, rate=50) as exposures:
-        prepared = make_decoder("tikhonov", "spectral").prepare(exposures.camera)
-        seen = [shown for shown, _ in zip(Live(exposures, prepared), range(3), strict=False)]
-    for shown in seen:
-        again = prepared(shown.values)
-        assert torch.equal(shown.estimate.values, again.values)
-        wanted = (exposures.camera.A(again.values) - shown.values).norm() / shown.values.norm()
-        assert shown.residual == pytest.approx(float(wanted))
-        assert set(shown.seconds) == {"capture", "wait", "decode", "residual"}
-    assert [shown.number for shown in seen] == sorted({shown.number for shown in seen})
-    assert seen[-1].rate > 0
+def running(tmp_path, bench=None, **how):
+    export = exported(tmp_path, CAMERA, "dli4120", "coded-exposure")
+    return Exposures(export, bench or bench_of(CAMERA), CAMERA, **how)
+
+
+def recordings(tmp_path, repeats):
+    """A bench of frames that were there before."""
+    export = exported(tmp_path, CAMERA, "dli4120", "coded-exposure")
+    frames = capture(export, bench_of(CAMERA), tmp_path / "frames", gain=None, camera=CAMERA, repeats=repeats)
+    return find_device("folder", path=str(frames))
 
 
 class Slow:
@@ -97,40 +93,57 @@ class Slow:
         return self.prepared(values)
 
 
+def loop_of(exposures, seconds=0.0):
+    return Live(exposures, Slow(make_decoder("dagger", "spectral").prepare(exposures.camera), seconds))
+
+
+def first(count, loop):
+    return [shown for shown, _ in zip(loop, range(count), strict=False)]
+
+
+def test_estimates_are_those_of_the_decoder(tmp_path):
+    with running(tmp_path, rate=50) as exposures:
+        prepared = make_decoder("tikhonov", "spectral").prepare(exposures.camera)
+        seen = first(3, Live(exposures, prepared))
+    for shown in seen:
+        again = prepared(shown.values)
+        assert torch.equal(shown.estimate.values, again.values)
+        wanted = (exposures.camera.A(again.values) - shown.values).norm() / shown.values.norm()
+        assert shown.residual == pytest.approx(float(wanted))
+        assert set(shown.seconds) == {"capture", "wait", "decode", "residual"}
+    assert [shown.number for shown in seen] == sorted({shown.number for shown in seen})
+    assert seen[-1].rate > 0
+
+
 def test_exposures_that_come_meanwhile_are_dropped_and_counted(tmp_path):
     with running(tmp_path, rate=100) as exposures:
-        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
-        loop = Live(exposures, Slow(prepared, 0.2))
-        seen = [shown for shown, _ in zip(loop, range(4), strict=False)]
+        seen = first(4, loop_of(exposures, 0.2))
     assert seen[-1].dropped > 0
     for before, after in pairwise(seen):
         assert after.number - before.number - 1 == after.dropped - before.dropped
 
 
 def test_frames_that_were_recorded_are_all_decoded_and_then_it_ends(tmp_path):
-    camera = spectral(sensor=Sensor(read_noise=0.01))
-    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
-    folder = capture(export, bench_of(camera), tmp_path / "frames", gain=None, camera=camera, repeats=5)
-    with running(tmp_path, find_device("folder", path=str(folder)), camera) as exposures:
-        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
-        loop = Live(exposures, Slow(prepared, 0.02))
+    with running(tmp_path, recordings(tmp_path, 5)) as exposures:
+        loop = loop_of(exposures, 0.02)
         assert [shown.number for shown in loop] == [0, 1, 2, 3, 4]
     assert loop.dropped == 0
 
 
-def test_a_bench_that_stops_in_the_middle_ends_the_loop_with_its_error(tmp_path):
-    camera = spectral(sensor=Sensor(read_noise=0.01))
-    with running(tmp_path, bench_of(camera, stops_after=4 + 3), camera, rate=50) as exposures:
-        prepared, seen = make_decoder("dagger", "spectral").prepare(exposures.camera), []
+def test_a_bench_that_stops_in_the_middle_ends_its_loop_with_its_error_and_not_the_next_one(tmp_path):
+    bench = bench_of(CAMERA, stops_after=4 + 3)
+    with running(tmp_path, bench, rate=50) as exposures:
+        loop = loop_of(exposures)
         with pytest.raises(DeviceError, match="no answer after 7 frames"):
-            seen.extend(Live(exposures, prepared))
-    assert 1 <= exposures.number <= 3
+            list(loop)
+        assert 1 <= exposures.number <= 3
+        bench.stops_after = None
+        assert next(iter(loop)).values.shape == (1, *CAMERA.snapshot_shape)
 
 
 def test_a_loop_that_is_left_stops_the_bench(tmp_path):
     with running(tmp_path, rate=100) as exposures:
-        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
-        loop = iter(Live(exposures, prepared))
+        loop = iter(loop_of(exposures))
         next(loop)
         loop.close()
         number = exposures.number
@@ -140,22 +153,21 @@ def test_a_loop_that_is_left_stops_the_bench(tmp_path):
 
 def test_a_slow_bench_is_not_waited_for_at_the_end(tmp_path):
     with running(tmp_path, rate=1e-320) as exposures:
-        prepared = make_decoder("dagger", "spectral").prepare(exposures.camera)
-        loop = iter(Live(exposures, prepared))
+        loop = iter(loop_of(exposures))
         next(loop)
         begun = time.monotonic()
         loop.close()
         assert time.monotonic() - begun < 1
         exposures.rate = None
-        assert next(iter(Live(exposures, prepared))).number >= 1  # another loop goes on
+        assert next(iter(loop_of(exposures))).number >= 1  # another loop goes on
 
 
 def test_a_second_loop_goes_on_and_ends_the_first(tmp_path):
     with running(tmp_path, rate=100) as exposures:
-        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
-        first = [shown.number for shown, _ in zip(loop, range(2), strict=False)]
+        loop = loop_of(exposures)
+        seen = first(2, loop)
         before, after = iter(loop), iter(loop)
-        assert next(before).number > first[-1]
+        assert next(before).number > seen[-1].number
         assert next(after).rate == 0
         assert len(list(before)) <= 1
         before.close()
@@ -163,23 +175,9 @@ def test_a_second_loop_goes_on_and_ends_the_first(tmp_path):
         assert numbers == sorted(set(numbers))
 
 
-def test_an_error_of_a_loop_is_not_that_of_the_next(tmp_path):
-    camera = spectral(sensor=Sensor(read_noise=0.01))
-    bench = bench_of(camera, stops_after=4 + 3)
-    with running(tmp_path, bench, camera, rate=50) as exposures:
-        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
-        with pytest.raises(DeviceError):
-            list(loop)
-        bench.stops_after = None
-        assert next(iter(loop)).values.shape == (1, *camera.snapshot_shape)
-
-
 def test_recorded_frames_of_a_loop_that_another_one_ends_keep_nobody_waiting(tmp_path):
-    camera = spectral(sensor=Sensor(read_noise=0.01))
-    export = exported(tmp_path, camera, "dli4120", "coded-exposure")
-    folder = capture(export, bench_of(camera), tmp_path / "frames", gain=None, camera=camera, repeats=9)
-    with running(tmp_path, find_device("folder", path=str(folder)), camera) as exposures:
-        loop = Live(exposures, make_decoder("dagger", "spectral").prepare(exposures.camera))
+    with running(tmp_path, recordings(tmp_path, 9)) as exposures:
+        loop = loop_of(exposures)
         before = iter(loop)
         next(before)
         assert [shown.number for shown in loop][-1] == 8
@@ -198,19 +196,10 @@ def test_the_residual_of_depth_and_of_frames():
     scene, depth = torch.rand(1, *camera.scene_shape), torch.full((1, 1, *camera.size), 0.9)
     snapshot = camera.A(scene, depth)
 
-    class Found:
-        values, depth = scene, torch.full((1, 1, *camera.size), 0.9)
-
-    assert residual_of(camera, Found, snapshot) < 1e-5
-    assert residual_of(camera, replace_values(Found, 0.5 * scene), snapshot) == pytest.approx(0.5, rel=1e-4)
+    assert residual_of(camera, SimpleNamespace(values=scene, depth=depth), snapshot) < 1e-5
+    half = SimpleNamespace(values=0.5 * scene, depth=depth)
+    assert residual_of(camera, half, snapshot) == pytest.approx(0.5, rel=1e-4)
     flat = CAMERAS["spectral"]
     cube = torch.rand(1, *flat.scene_shape)
-
-    class Moving:
-        values, depth = torch.stack((0.5 * cube, 1.5 * cube), 1), None
-
-    assert residual_of(flat, Moving, flat.A(cube)) < 1e-5
-
-
-def replace_values(found, values):
-    return type("Found", (), {"values": values, "depth": found.depth})
+    moving = SimpleNamespace(values=torch.stack((0.5 * cube, 1.5 * cube), 1), depth=None)
+    assert residual_of(flat, moving, flat.A(cube)) < 1e-5
