@@ -9,7 +9,7 @@ import yaml
 
 from tests.cli.calls import answer, run, said
 from tests.cli.refusals import refused
-from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tests.lab.real_captures.bench import DESCRIBED, SHUTTERED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.lab.registering import MaskImage, registered
 
@@ -26,11 +26,7 @@ def folder(tmp_path_factory):
     slots = np.random.default_rng(0).integers(4, size=(12, 13))
     shutter = (slots[..., None] == np.arange(4)).astype(np.uint8)
     write_mat(place / "wine.mat", a=np.random.default_rng(0).normal(0.5, 1e-7, (12, 13)), s=shutter)
-    described = {
-        "kind": "pixel-shutter",
-        "device": "paper",
-        "captures": {"w": {"capture_key": "a", "shutter_key": "s"}},
-    }
+    described = {**SHUTTERED, "black": 0, "white": 1}
     (place / "wine.yaml").write_text(yaml.safe_dump(described))
     return place
 
@@ -76,8 +72,8 @@ def test_the_mask_is_put_in_register(capsys, folder, bench):
     assert "times as large along y" in said(capsys, "real", "register", folder / "capture.mat", *how)
     wine = ("--prototype", folder / "wine.yaml")
     assert "--name" in refused(capsys, "real", "register", folder / "wine.mat", *wine)
-    assert "--shift" in refused(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "w", "--shift", "1")
-    found = said(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "w", "--shift", "0,0", "--json")
+    assert "--shift" in refused(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "one", "--shift", "1")
+    found = said(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "one", "--shift", "0,0", "--json")
     assert json.loads(found)["shutter_shift"] == [0, 0]
     assert "--mask" in refused(capsys, "real", "register", folder / "capture.mat", *how[2:])
 
@@ -117,7 +113,7 @@ def test_a_decoder_for_the_camera_of_a_snapshot(capsys, folder, bench, tmp_path)
 
 @pytest.fixture
 def wine(capsys, folder):
-    said(capsys, "import", folder / "wine.mat", "--prototype", folder / "wine.yaml", "--name", "w", "--out", "w.nc")
+    said(capsys, "import", folder / "wine.mat", "--prototype", folder / "wine.yaml", "--name", "one", "--out", "w.nc")
     return ("real", "movie", "w.nc", "--out", "m.nc", "--frames")
 
 
@@ -151,10 +147,10 @@ def test_impossible_movies_are_refused(capsys, wine, tmp_path, options, words):
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        *((f"real register FOLDER/wine.mat --prototype FOLDER/wine.yaml --name w --shift={shift}", "shift: found")
+        *((f"real register FOLDER/wine.mat --prototype FOLDER/wine.yaml --name one --shift={shift}", "shift: found")
           for shift in ("-300,400", "12,0", "-3.4,nan", "1.5,2", "inf,0")),
         ("real register FOLDER/capture.mat --prototype FOLDER/bench.yaml --mask small.mat", "expected 60×56 pixels"),
-        ("real register nan.mat --prototype FOLDER/wine.yaml --name w --shift=0,0", "expected a finite picture"),
+        ("real register nan.mat --prototype FOLDER/wine.yaml --name one --shift=0,0", "expected a finite picture"),
         ("import FOLDER/capture.mat --prototype lens --out s.nc", "tsa, or a YAML file"),
         ("import FOLDER/capture.mat --prototype FOLDER/bench.yaml --out s.nc", "--mask: found none"),
     ],

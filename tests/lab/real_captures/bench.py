@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.io
+import yaml
 from scipy.ndimage import gaussian_filter, zoom
+
+from tmca.lab.prototype import load_prototype
 
 NM = [500.0, 510.0, 525.0, 545.0]
 STEP = 2
@@ -13,6 +16,16 @@ DESCRIBED = {
     "pixels_per_band": STEP, "response": "bandwidth", "black": 0.1, "white": 0.9,
     "scenes": {"capture": "a plain"}, "points": {"capture": {"middle": [20, 21]}},
 }  # fmt: skip
+SHUTTERED = {
+    "kind": "pixel-shutter", "device": "paper", "black": 10, "white": 250,
+    "captures": {"one": {"capture_key": "a", "shutter_key": "s"}},
+}  # fmt: skip
+
+
+def prototype_of(folder, described, **changes):
+    """A prototype of a description, which lies in the folder as bench.yaml."""
+    (folder / "bench.yaml").write_text(yaml.safe_dump({**described, **changes}))
+    return load_prototype(folder / "bench.yaml")
 
 
 def mask_of(height, width, seed=0):

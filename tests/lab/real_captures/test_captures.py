@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 import torch
-import yaml
 
-from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tests.lab.real_captures.bench import DESCRIBED, SHUTTERED, captured, mask_of, prototype_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.data import checksum_of, read_array
 from tmca.decoders import decode
@@ -19,9 +18,8 @@ from tmca.lab.prototype import load_prototype
 @pytest.fixture
 def bench(tmp_path):
     """A prototype, and the files of its mask and of a capture of a known scene."""
-    (tmp_path / "bench.yaml").write_text(yaml.safe_dump(DESCRIBED))
     mask, scene = mask_of(40, 43), smooth_scene(4, 40, 43)
-    prototype = load_prototype(tmp_path / "bench.yaml")
+    prototype = prototype_of(tmp_path, DESCRIBED)
     response = prototype.response_of_bands()
     light = captured(scene * response[:, None, None], mask)
     white = mask.mean() * response.sum()
@@ -117,12 +115,7 @@ def test_a_pixel_shutter_brings_its_slots(tmp_path):
     slots = rng.permuted(np.tile(np.arange(8), (6, 7, 1)), axis=2)[..., 0]
     shutter = (slots[..., None] == np.arange(8)).astype(np.uint8)
     file = write_mat(tmp_path / "c.mat", a=rng.uniform(10, 250, (6, 7)), s=shutter)
-    described = {
-        "kind": "pixel-shutter", "device": "paper", "black": 10, "white": 250,
-        "captures": {"one": {"capture_key": "a", "shutter_key": "s"}},
-    }  # fmt: skip
-    (tmp_path / "p.yaml").write_text(yaml.safe_dump(described))
-    prototype = load_prototype(tmp_path / "p.yaml")
+    prototype = prototype_of(tmp_path, SHUTTERED)
     taken = import_capture(file, prototype, name="one")
     assert taken.camera.slots == 8
     np.testing.assert_array_equal(taken.camera.codes()[1], np.moveaxis(shutter, -1, 0))

@@ -2,17 +2,10 @@
 
 import numpy as np
 import pytest
-import yaml
 
-from tests.lab.real_captures.bench import DESCRIBED, NM
+from tests.lab.real_captures.bench import DESCRIBED, NM, prototype_of
 from tmca.errors import DataError, SettingError
 from tmca.lab.prototype import PixelShutter, SingleDisperser, load_prototype, prototype_names
-
-
-def described(tmp_path, **changes):
-    file = tmp_path / "bench.yaml"
-    file.write_text(yaml.safe_dump({**DESCRIBED, **changes}))
-    return file
 
 
 def test_the_package_brings_both_prototypes():
@@ -25,11 +18,11 @@ def test_the_package_brings_both_prototypes():
 
 
 def test_a_response_by_bandwidth_is_the_width_of_the_bands(tmp_path):
-    response = load_prototype(described(tmp_path)).response_of_bands()
+    response = prototype_of(tmp_path, DESCRIBED).response_of_bands()
     widths = np.array([10, 12.5, 17.5, 20])
     np.testing.assert_allclose(response, widths / widths.mean())
-    np.testing.assert_array_equal(load_prototype(described(tmp_path, response="flat")).response_of_bands(), 1)
-    own = load_prototype(described(tmp_path, response=[1.0, 1.0, 2.0, 4.0])).response_of_bands()
+    np.testing.assert_array_equal(prototype_of(tmp_path, DESCRIBED, response="flat").response_of_bands(), 1)
+    own = prototype_of(tmp_path, DESCRIBED, response=[1.0, 1.0, 2.0, 4.0]).response_of_bands()
     np.testing.assert_allclose(own, [0.5, 0.5, 1, 2])
 
 
@@ -54,7 +47,7 @@ def test_a_response_by_bandwidth_is_the_width_of_the_bands(tmp_path):
 )
 def test_wrong_descriptions_are_refused(tmp_path, changes, said):
     with pytest.raises(DataError, match=said):
-        load_prototype(described(tmp_path, **changes))
+        prototype_of(tmp_path, DESCRIBED, **changes)
 
 
 def test_unknown_names_and_files_that_are_no_yaml_are_refused(tmp_path):

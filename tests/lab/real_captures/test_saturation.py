@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 import torch
-import yaml
 
 from studies.real.merit import prediction_error, withheld
 from studies.real.movies import moving_part
-from tests.lab.real_captures.bench import DESCRIBED, captured, mask_of, smooth_scene, write_mat
+from tests.lab.real_captures.bench import DESCRIBED, SHUTTERED, captured, mask_of, prototype_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.decoders import decode
 from tmca.decoders.space_time import frame_operator
@@ -17,25 +16,18 @@ from tmca.lab.prototype import load_prototype
 from tmca.lab.quality import Doubtful
 
 
-def prototype(folder, **described):
-    (folder / "p.yaml").write_text(yaml.safe_dump(described))
-    return load_prototype(folder / "p.yaml")
-
-
 def dispersed(folder, saturation, size=(9, 12)):
     mask, scene = mask_of(*size), smooth_scene(4, *size)
     values = 0.1 + 0.2 * captured(scene, mask)
     files = write_mat(folder / "capture.mat", y=values), write_mat(folder / "mask.mat", mask=mask)
-    return files, prototype(folder, **DESCRIBED, **({} if saturation is None else {"saturation": saturation})), values
+    return files, prototype_of(folder, DESCRIBED, saturation=saturation), values
 
 
 def shuttered(folder, saturation, size=(6, 7)):
     rng = np.random.default_rng(0)
     shutter = (rng.integers(8, size=(*size, 1)) == np.arange(8)).astype(np.uint8)
     values = rng.uniform(10, 250, size)
-    captures = {"one": {"capture_key": "a", "shutter_key": "s"}}
-    described = {"kind": "pixel-shutter", "device": "paper", "black": 10, "white": 250, "captures": captures}
-    own = prototype(folder, **described, **({} if saturation is None else {"saturation": saturation}))
+    own = prototype_of(folder, SHUTTERED, saturation=saturation)
     return (write_mat(folder / "c.mat", a=values, s=shutter), None), own, values
 
 
