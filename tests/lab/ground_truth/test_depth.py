@@ -14,9 +14,10 @@ from tmca.lab.ground_truth.geometry import ProjectorCalibration
 
 SIZE, RANGE, RAYS = (80, 107), 1.2, 3
 FINE = tuple(n * RAYS for n in SIZE)
+PLAN = FringePlan()
 
 
-def captured(shape, plan, snr=30.0, exposure=1.0, seed=0):
+def captured(shape, plan=PLAN, snr=30.0, exposure=1.0, seed=0):
     """The capture, the truth in the middle of the pixels, the depths in each pixel, and where light falls."""
     depth = scene_depth(shape, FINE)
     albedo = 0.35 + 0.6 * np.kron(np.random.default_rng(1).random((20, 27)), np.ones((12, 12)))[: FINE[0], : FINE[1]]
@@ -83,11 +84,9 @@ def test_neighbours_tell_a_smooth_scene_from_two_frequencies(how):
 
 
 def test_without_noise_only_rounding_is_left():
-    plan = FringePlan()
-    capture, truth, _, _ = captured("smooth", plan, snr=None)
-    found = measure_depth(capture, plan, bench(SIZE))
-    middle = np.abs(found["depth"].values - truth)
-    assert np.nanmedian(middle) < 2e-4
+    capture, truth, _, _ = captured("smooth", snr=None)
+    found = measure_depth(capture, PLAN, bench(SIZE))
+    assert np.nanmedian(np.abs(found["depth"].values - truth)) < 2e-4
 
 
 def test_level_fringes_serve_a_projector_above():
@@ -102,9 +101,8 @@ def test_level_fringes_serve_a_projector_above():
 
 
 def test_saturated_pixels_are_left_out():
-    plan = FringePlan()
-    capture, truth, _, _ = captured("plane", plan, exposure=1.3)
-    found = measure_depth(capture, plan, bench(SIZE))
+    capture, truth, _, _ = captured("plane", exposure=1.3)
+    found = measure_depth(capture, PLAN, bench(SIZE))
     assert 0.01 < capture.saturated.mean() < 0.5
     assert (found["confidence"].values[capture.saturated] == REASONS.index("saturated")).all()
     assert not np.isfinite(found["depth"].values[capture.saturated]).any()
@@ -112,12 +110,11 @@ def test_saturated_pixels_are_left_out():
 
 
 def test_depths_out_of_range_are_left_out_and_a_scene_of_them_is_refused():
-    plan = FringePlan()
-    capture, *_ = captured("smooth", plan)
-    found = measure_depth(capture, plan, bench(SIZE), far=1.2)
+    capture, *_ = captured("smooth")
+    found = measure_depth(capture, PLAN, bench(SIZE), far=1.2)
     assert np.nanmax(found["depth"].values) <= 1.2
     with pytest.raises(DataError, match=r"no pixel with a depth .*out of range"):
-        measure_depth(capture, plan, bench(SIZE), far=0.5)
+        measure_depth(capture, PLAN, bench(SIZE), far=0.5)
 
 
 @pytest.mark.parametrize(
@@ -125,18 +122,15 @@ def test_depths_out_of_range_are_left_out_and_a_scene_of_them_is_refused():
     [({"near": 2.0, "far": 1.0}, "near < far"), ({"noise": 0.0}, "above 0"), ({"neighbours": 9}, "0 to 8")],
 )
 def test_impossible_settings_are_refused(settings, said):
-    plan = FringePlan()
     with pytest.raises(SettingError, match=said):
-        measure_depth(captured("plane", plan)[0], plan, bench(SIZE), **settings)
+        measure_depth(captured("plane")[0], PLAN, bench(SIZE), **settings)
 
 
 def test_a_calibration_of_another_size_is_refused():
-    plan = FringePlan()
-    capture, *_ = captured("plane", plan)
-    with pytest.raises(DataError, match="60×80"):
-        measure_depth(capture, plan, bench((60, 80)))
-    with pytest.raises(DataError, match="800×1280"):
-        measure_depth(capture, plan, bench(SIZE, (400, 640)))
+    capture, *_ = captured("plane")
+    for table, said in ((bench((60, 80)), "60×80"), (bench(SIZE, (400, 640)), "800×1280")):
+        with pytest.raises(DataError, match=said):
+            measure_depth(capture, PLAN, table)
 
 
 def test_rendering_refuses_scenes_of_another_size_or_kind():

@@ -163,20 +163,19 @@ def test_scans_that_cannot_be_used_are_refused(tmp_path):
     seen = render_scan(cube(), bits=16)
     scene, dark, white = folders(tmp_path, seen)
     np.save(tmp_path / "s.npy", seen.scene)
-    with pytest.raises(SettingError, match=r"wavelengths: .* one per frame"):
-        read_scan(tmp_path / "s.npy", dark, white)
-    with pytest.raises(DataError, match="found 31 frames, expected 30"):
-        read_scan(tmp_path / "s.npy", dark, white, wavelengths=nm_to_metres(NM[1:]))
-    with pytest.raises(SettingError, match="ascending"):
-        read_scan(scene, dark, white, wavelengths=nm_to_metres(NM[::-1]))
     np.save(tmp_path / "small.npy", seen.dark[:, 1:])
-    with pytest.raises(DataError, match="frames of 11×15 pixels, expected 12×15"):
-        read_scan(scene, tmp_path / "small.npy", white)
     np.save(tmp_path / "black.npy", seen.dark[:1].repeat(31, axis=0))
+    for paths, how, error, said in [
+        ((tmp_path / "s.npy", dark, white), {}, SettingError, "wavelengths: .* one per frame"),
+        ((tmp_path / "s.npy", dark, white), {"wavelengths": NM[1:] * 1e-9}, DataError, "found 31 frames, expected 30"),
+        ((scene, dark, white), {"wavelengths": NM[::-1] * 1e-9}, SettingError, "ascending"),
+        ((scene, tmp_path / "small.npy", white), {}, DataError, "frames of 11×15 pixels, expected 12×15"),
+        ((scene, dark, white), {"saturation": 15000}, DataError, "% of the pixels saturated in scene_"),
+    ]:
+        with pytest.raises(error, match=said):
+            read_scan(*paths, **how)
     with pytest.raises(DataError, match=r"no pixel that is neither saturated nor dark"):
         measure_reflectance(read_scan(scene, dark, tmp_path / "black.npy"), read_noise=64.0)
-    with pytest.raises(DataError, match="% of the pixels saturated in scene_"):
-        read_scan(scene, dark, white, saturation=15000)
     (scene / "extra.png").write_bytes((scene / "scene_400nm.png").read_bytes())
     with pytest.raises(DataError, match="a frame named extra"):
         read_scan(scene, dark, white)

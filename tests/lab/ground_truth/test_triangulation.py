@@ -1,5 +1,7 @@
 """Depth where rays meet planes of light: held to points projected by hand."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -101,6 +103,9 @@ def test_a_calibration_comes_back_from_its_file(tmp_path):
     assert np.allclose(kept.translation, found.translation)
 
 
+LENS = {"size": [8, 8], "matrix": np.eye(3).tolist()}
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -109,19 +114,14 @@ def test_a_calibration_comes_back_from_its_file(tmp_path):
         ({"translation_m": None}, "translation_m"),
         ({"camera": None}, "camera"),
         ({"projector": {"size": [8, 8], "matrix": [[0, 0, 0]] * 3}}, "not positive"),
-        ({"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": [0] * 6}}, "distortion"),
-        ({"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": "abc"}}, "distortion"),
-        (
-            {"projector": {"size": [8, 8], "matrix": np.eye(3).tolist(), "distortion": {"k1": 1}}},
-            "projector.distortion",
-        ),
-        ({"projector": {"size": [8.7, 8], "matrix": np.eye(3).tolist()}}, "projector.size"),
+        ({"projector": LENS | {"distortion": [0] * 6}}, "distortion"),
+        ({"projector": LENS | {"distortion": "abc"}}, "distortion"),
+        ({"projector": LENS | {"distortion": {"k1": 1}}}, "projector.distortion"),
+        ({"projector": LENS | {"size": [8.7, 8]}}, "projector.size"),
         ({"projector": {"size": [8, 8]}}, "projector.matrix"),
     ],
 )
 def test_impossible_calibrations_are_refused(tmp_path, change, said):
-    import json
-
     path = bench().save(tmp_path / "c.json")
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(DataError, match=said):
