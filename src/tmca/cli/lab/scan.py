@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from tmca.cli.options.numbers import Whole, whole, whole_numbers
+from tmca.cli.options.numbers import Whole, whole_numbers
 from tmca.cli.options.numbers import size as parsed_size
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
 from tmca.errors import SettingError
@@ -73,7 +73,7 @@ def depth(
     saturation: float | None = None,
     near: float = 0.05,
     far: float = 20.0,
-    neighbours: Annotated[int, Parameter(converter=whole)] = 6,
+    neighbours: Whole = 6,
     truth: Path | None = None,
     figure: Figure = None,
     overwrite: Overwrite = False,

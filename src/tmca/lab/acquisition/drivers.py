@@ -34,11 +34,8 @@ class Lamp(Protocol):
 
 GROUP = "tmca.devices"
 OWN = {
-    name: EntryPoint(name, place, GROUP)
-    for name, place in {
-        "simulated": "tmca.lab.acquisition.simulated:SimulatedBench",
-        "folder": "tmca.lab.acquisition.frame_folder:FrameFolder",
-    }.items()
+    "simulated": EntryPoint("simulated", "tmca.lab.acquisition.simulated:SimulatedBench", GROUP),
+    "folder": EntryPoint("folder", "tmca.lab.acquisition.frame_folder:FrameFolder", GROUP),
 }
 """The package's own drivers."""
 

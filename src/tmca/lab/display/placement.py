@@ -64,19 +64,15 @@ class Placement:
             SettingError: a code pixel that no device pixel shows.
         """
         margin = 2 * ceil(self.macro_pixel)
-        wide = self._index(margin)
+        rows, columns = self._places(margin)
+        inside = (rows >= 0) & (rows < self.code[0]) & (columns >= 0) & (columns < self.code[1])
+        wide = np.where(inside, rows * self.code[1] + columns, -1)
         inner = wide[margin:-margin, margin:-margin]
-        every, inside = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, inner))
-        missing = (inside == 0) | (inside < every)  # hidden, or cut off
+        every, shown = (np.bincount(i[i >= 0], minlength=self.code[0] * self.code[1]) for i in (wide, inner))
+        missing = (shown == 0) | (shown < every)  # hidden, or cut off
         if missing.any():
             self._refuse(int(missing.argmax()))
         return inner
-
-    def _index(self, margin: int) -> NDArray[np.int64]:
-        """The index with a margin of pixels around the device."""
-        rows, columns = self._places(margin)
-        inside = (rows >= 0) & (rows < self.code[0]) & (columns >= 0) & (columns < self.code[1])
-        return np.where(inside, rows * self.code[1] + columns, -1)
 
     def shown(self, patterns: NDArray[np.generic], outside: float = 0) -> NDArray[np.generic]:
         """(K, H, W) codes → (K, R, C) frames; pixels without a code show ``outside``."""

@@ -110,14 +110,11 @@ class Recording:
         if self.estimates:
             values["estimate"] = shown.estimate.values[0]
         with _writing(self.path):
-            self._grow()
+            if self.frames == self._room:
+                self._resize(self._room + _BLOCK)
             for name in sorted(values, key=lambda name: name == "log"):
                 self._arrays[name][self.frames] = values[name].numpy(force=True)
         self.frames += 1
-
-    def _grow(self) -> None:
-        if self.frames == self._room:
-            self._resize(self._room + _BLOCK)
 
     def _resize(self, room: int) -> None:
         """Give all arrays another length; the consolidated metadata, one file, has them change at once."""
