@@ -204,7 +204,7 @@ def test_emulated_exposures_are_as_noisy_as_their_time_allows(tmp_path, repeats)
 def test_repeats_that_were_stopped_are_counted_slot_by_slot(tmp_path, stop):
     """Stopped after a dark frame, three slots, the second dark frame and none to three slots: what is left of the
     scene's noise is what the decoder is told, and what frames of 1 and of 2 repeats leave."""
-    sensor, size = Sensor(read_noise=0.03, full_well=500), (60, 64)
+    sensor = Sensor(read_noise=0.03, full_well=500)
     camera, bench, light = noisy("random", sensor, stops_after=stop)
     export = exported(tmp_path, camera)
     with pytest.raises(DeviceError):
@@ -216,7 +216,7 @@ def test_repeats_that_were_stopped_are_counted_slot_by_slot(tmp_path, stop):
     share = opened.double() / repeats[:, None, None]
     read = 0.03**2 * (share.sum(0) + opened.sum(0) ** 2 / 4)
     assert found.camera.noise.read**2 == pytest.approx(float(read.mean()), rel=0.1)
-    bright = torch.stack([one_slot(camera, slot, size) for slot in range(3)])
+    bright = torch.stack([one_pattern(camera, pattern, torch.full((3, 60, 64), 0.7)) for pattern in camera.codes()[0]])
     shot = camera.white / 500 * (bright * share).mean(0)  # a third of the light in each, read with three times the gain
     left = (found.values - light)[0, 0]
     assert float(left.square().mean()) == pytest.approx(float((read + shot).mean()), rel=0.1)
@@ -225,12 +225,12 @@ def test_repeats_that_were_stopped_are_counted_slot_by_slot(tmp_path, stop):
     assert found.notes["frames_averaged"] == pytest.approx(3 * float(opened.sum() / share.sum()))
 
 
-def one_slot(camera, slot, size):
-    """(H, W) what the sensor sees of an even scene through one aperture pattern: whole pixels of dispersion."""
+def one_pattern(camera, pattern, scene):
+    """(H, W) what the sensor sees of a scene (L, H, W) through one aperture pattern: whole pixels of dispersion."""
     found = torch.zeros(camera.snapshot_shape[1:])
     for band in range(camera.bands):
         left = int(camera.dispersion.displacement[band]) - camera.dispersion.origin
-        found[:, left : left + size[1]] += 0.7 * camera.codes()[0][slot] * float(camera.response[band])
+        found[:, left : left + camera.size[1]] += pattern * scene[band] * float(camera.response[band])
     return found
 
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from tests.lab.acquisition.test_capture import bench_of, exported, scene_of
+from tests.lab.acquisition.test_capture import bench_of, exported, one_pattern, scene_of
 from tests.lab.display.test_export import mirror, spectral
 from tmca.cameras import Hardware, LightFieldCamera, imperfect, moving_scenes
 from tmca.errors import SettingError
@@ -22,7 +22,7 @@ def captured(folder, camera, shutter, hardware, **settings):
 def slow(camera, scene, hardware):
     """Snapshot of frames of one slot each, masked and averaged, row by row and moment by moment."""
     aperture, shutter = camera.codes()
-    alone = torch.stack([one_pattern(camera, pattern, scene) for pattern in aperture])
+    alone = torch.stack([one_pattern(camera, pattern, scene[0]) for pattern in aperture])
     rows, slots = camera.size[0], camera.slots
     since = (torch.arange(_MOMENTS) + 0.5) / _MOMENTS
     since = since[since >= hardware.dead_time]
@@ -35,17 +35,8 @@ def slow(camera, scene, hardware):
             share = (turned / hardware.switching).clamp(max=1) if hardware.switching else torch.ones_like(turned)
             seen = torch.zeros(slots).index_add(0, shown % slots, share / _MOMENTS)
             seen = seen.index_add(0, (shown - 1) % slots, (1 - share) / _MOMENTS)
-            light = (seen[:, None] * alone[:, 0, 0, row]).sum(0)
+            light = (seen[:, None] * alone[:, row]).sum(0)
             found[0, 0, row] += shutter[slot, row] * light / slots
-    return found
-
-
-def one_pattern(camera, pattern, scene):
-    """What the sensor sees of one aperture pattern, open: whole pixels of dispersion."""
-    found = torch.zeros(1, 1, *camera.snapshot_shape[1:])
-    for band in range(camera.bands):
-        left = int(camera.dispersion.displacement[band]) - camera.dispersion.origin
-        found[0, 0, :, left : left + camera.size[1]] += pattern * scene[0, band]
     return found
 
 

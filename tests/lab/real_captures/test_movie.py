@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.cli.lab.real import frames_of
 from tmca.decoders import decode
 from tmca.decoders.kriging import shutter_samples
@@ -101,15 +101,6 @@ def test_the_noise_of_a_sample_is_in_its_standard_deviation():
     z = error / found.deviation[0, :, 0][open_then]
     assert float(z.square().mean().sqrt()) == pytest.approx(1, abs=0.25)
     assert float(error.std()) < 1.02 * noise
-
-
-@pytest.mark.parametrize("other", ["light field", "spectral depth"])
-def test_other_cameras_have_no_pixel_shutter_alone(other):
-    thick = other == "spectral depth"
-    own = SpectralDepthCamera.from_preset("quick", slots=1) if thick else LightFieldCamera(3, (8, 9), 1)
-    snapshot = Snapshot(torch.zeros(1, *own.snapshot_shape), own)
-    with pytest.raises(SettingError, match="decoder: found 'kriging'"):
-        decode(snapshot, "kriging", frames=1)
 
 
 def test_frames_carry_their_slots():

@@ -170,7 +170,7 @@ def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwra
     why, dark = np.zeros(capture.saturated.shape, dtype=np.uint8), phases.std > _DARKEST
     _leave_out(why, capture.saturated, "saturated")
     _leave_out(why, dark[-1] | dark[0], "dark")
-    _leave_out(why, _mixed_light(phases, dark.any(axis=0)), "mixed light")
+    _leave_out(why, _mixed_light(phases, np.asarray(dark.any(axis=0))), "mixed light")
     if unwrap != "temporal":
         return why, spatial_unwrap(phases, plan.fringes, why == 0, unwrap)
     absolute, disagreement, risk = temporal_unwrap(phases, plan.fringes)
