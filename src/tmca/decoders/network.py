@@ -66,11 +66,7 @@ class NetworkDecoder(Decoder):
         return CollapsedNetwork(network, operator, camera.noise, prior), str(weights.path or "")
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
-        network, path = prepared
-        values = values.to(next(network.network.parameters()).dtype)
-        output = (
-            network.outputs(values, progress) if isinstance(network, CollapsedNetwork) else network(values, progress)
-        )
-        raw = output if isinstance(output, Raw) else Raw(*output)
+        run, path = prepared
+        raw: Raw = run(values.to(next(run.network.parameters()).dtype), progress)
         raw.notes["weights"] = path
         return raw

@@ -60,7 +60,7 @@ class MaskTraining(CameraTraining):
     def decode(self, network: Any, prior: Any, values: Tensor, camera: Any) -> NDArray[np.float32]:
         """See `CameraTraining`; without negative irradiance."""
         collapsed = CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior)
-        return collapsed(values).clamp_min(0).numpy()
+        return collapsed(values).values.clamp_min(0).numpy()
 
 
 def starting_arguments(settings: MaskTrainSettings, shutter_size: Callable[[], tuple[int, int]]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import product
 from math import lcm
@@ -14,7 +14,7 @@ from torch import Tensor
 from tmca.arguments import described
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.batches import part_of
-from tmca.decoders.decoder import Progress
+from tmca.decoders.decoder import Progress, Raw
 from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.likelihood import DepthRaw
 from tmca.decoders.lmmse import PatchEstimator
@@ -62,6 +62,20 @@ def tiles(network: Any, size: tuple[int, int], sides: tuple[int, int], period: i
         Tile.of(network, (slice(y, min(y + sides[0], size[0])), slice(x, min(x + sides[1], size[1]))), size, period)
         for y, x in corners
     ]
+
+
+def over_tiles(
+    parts: list[Tile], size: tuple[int, int], made: Callable[[Tile], Iterable[Tensor]], report: Callable[[float], None]
+) -> list[Tensor]:
+    """Frames (…, H, W) of what is made of the windows (…, rows, columns) that tiles look at."""
+    whole: list[Tensor] = []
+    for done, tile in enumerate(parts, start=1):
+        windows = [*made(tile)]
+        whole = whole or [window.new_empty(*window.shape[:-2], *size) for window in windows]
+        for values, window in zip(whole, windows, strict=True):
+            values[(..., *tile.place)] = window[(..., *tile.inner)]
+        report(done / len(parts))
+    return whole
 
 
 def prepared_start(
@@ -116,8 +130,8 @@ def first_estimate(
 
 
 class CollapsedNetwork:
-    """A network behind a collapsed camera: ``run(snapshot) -> (B, L, H, W)``, any height and width; ``run.outputs`` of
-    the snapshot are that and, of a network that predicts it, its standard deviation.
+    """A network behind a collapsed camera: ``run(snapshot) -> Raw`` of the scene and, of a network that predicts it,
+    its standard deviation; any height and width.
 
     Args:
         network: trained.
@@ -142,34 +156,27 @@ class CollapsedNetwork:
         check_range("tile", 1 if tile is None else tile, 1)
         self.network, self.operator, self.noise = network, operator, noise
         self.start = prepared_start(network.start, operator, noise, prior)
-        height, width = operator.scene_shape[1:]
-        side = max(height, width) if tile is None else min(tile, network.tile)
+        _, height, width = operator.scene_shape
+        self.size, side = (height, width), max(height, width) if tile is None else min(tile, network.tile)
         across = side if keeps_columns(operator) else width
-        self.tiles = tiles(network, (height, width), (side, across))
-
-    def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Tensor:
-        """(B, 1, H, W') → (B, L, H, W)."""
-        return self.outputs(snapshot, progress)[0]
+        self.tiles = tiles(network, self.size, (side, across))
 
     @torch.no_grad()
-    def outputs(self, snapshot: Tensor, progress: Progress | None = None) -> list[Tensor]:
-        """(B, 1, H, W') → (B, L, H, W) each."""
-        start, begun = self.start(snapshot, part_of(progress, 0, _STARTED["collapsed"])), _STARTED["collapsed"]
-        report = part_of(progress, begun, 1)
-        whole: list[Tensor] = []
-        for done, tile in enumerate(self.tiles, start=1):
-            alone = zip(snapshot.split(1), start.split(1), strict=True)  # a batch would take as many times the memory
-            parts = [torch.cat(part) for part in zip(*(self._tile(*one, tile) for one in alone), strict=True)]
-            whole = whole or [torch.empty_like(start) for _ in parts]
-            for values, part in zip(whole, parts, strict=True):
-                values[(..., *tile.place)] = part
-            report(done / len(self.tiles))
-        return whole
+    def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Raw:
+        """Decode snapshots (B, 1, H, W'); ``progress`` is called with the share that is done."""
+        begun = _STARTED["collapsed"]
+        start = self.start(snapshot, part_of(progress, 0, begun))
 
-    def _tile(self, snapshot: Tensor, start: Tensor, tile: Tile) -> list[Tensor]:
+        def made(tile: Tile) -> Iterable[Tensor]:
+            alone = zip(snapshot.split(1), start.split(1), strict=True)  # a batch would take as many times the memory
+            parts = (self._window(one, first[(..., *tile.seen)], tile) for one, first in alone)
+            return map(torch.cat, zip(*parts, strict=True))
+
+        return Raw(*over_tiles(self.tiles, self.size, made, part_of(progress, begun, 1)))
+
+    def _window(self, snapshot: Tensor, start: Tensor, tile: Tile) -> tuple[Tensor, ...]:
         light, part = window_of(self.operator, snapshot, tile)
-        outputs = self.network.outputs(light, part, self.noise, start[(..., *tile.seen)])
-        return [values[(..., *tile.inner)] for values in outputs]
+        return self.network.outputs(light, part, self.noise, start)
 
 
 def window_of(operator: TapOperator, snapshot: Tensor, tile: Tile) -> tuple[Tensor, TapOperator]:
@@ -217,15 +224,15 @@ class TwoHeadedNetwork:
         if self.likelihood is not None:
             begun = _STARTED["likelihood"]
             start = first_stage(self.likelihood, snapshot, part_of(progress, 0, begun))
-        size, report = (int(snapshot.shape[-2]), int(snapshot.shape[-1])), part_of(progress, begun, 1)
-        cube = snapshot.new_empty(len(snapshot), self.network.bands, *size)
-        logits = snapshot.new_empty(len(snapshot), self.network.planes, *size)
-        # the network lays the tile of codes from the window's first pixel on
-        parts = tiles(self.network, size, (self.tile, self.tile), self.camera.tile_size)
-        for done, tile in enumerate(parts, start=1):
-            seen, inner, place = ((..., *part) for part in (tile.seen, tile.inner, tile.place))
+
+        def made(tile: Tile) -> tuple[Tensor, Tensor]:
+            seen = (..., *tile.seen)
             first = None if start is None else start[seen]
             estimate = self.network(snapshot[seen], self.camera, self.camera.noise, first)
-            cube[place], logits[place] = estimate.cube[inner], estimate.logits[inner]
-            report(done / len(parts))
+            return estimate.cube, estimate.logits
+
+        size = (int(snapshot.shape[-2]), int(snapshot.shape[-1]))
+        # the network lays the tile of codes from the window's first pixel on
+        parts = tiles(self.network, size, (self.tile, self.tile), self.camera.tile_size)
+        cube, logits = over_tiles(parts, size, made, part_of(progress, begun, 1))
         return DepthEstimate(cube, logits).decoded(self.camera.planes)
