@@ -99,11 +99,6 @@ class SubspaceNetwork(Network):
         self.reach, self.multiple = stages * self.body.reach + LEVEL_REACH, self.body.multiple
         self.wavelengths: tuple[float, ...] = ()
 
-    @property
-    def range(self) -> tuple[float, float]:
-        """Shortest and longest wavelength that it was made for, metres."""
-        return 1e-9 * float(self.knots[0]), 1e-9 * float(self.knots[-1])
-
     def at(self, wavelengths: Sequence[float]) -> Self:
         """The network, with the same layers, for bands at other wavelengths, in metres.
 
@@ -146,19 +141,23 @@ class SubspaceNetwork(Network):
             return
         self.check(start)
         level = local_level(start)
-        codes = code_maps(operator)
-        codes = torch.cat([self._coefficients(one[None]) for one in (codes[0], codes.sum(0))], 1)
-        codes = _CODES * codes.clamp(-_MOST_CODE, _MOST_CODE).expand(len(start), -1, -1, -1)
-        floor, given, estimate = noise.variance(snapshot.detach()), noise_maps(noise, level), start
+        given = (self._code_coefficients(operator).expand(len(start), -1, -1, -1), noise_maps(noise, level))
+        floor, estimate = noise.variance(snapshot.detach()), start
         for stage, shift in enumerate(softplus(self.shift)):
             change = _DATA * data_step(snapshot, operator, estimate, shift + floor)
             parts = [torch.asinh(self._coefficients(one) / level) for one in (estimate, change)]
             turn = torch.full_like(level, stage / max(1, self.stages - 1))
-            added = self.body(torch.cat((*parts, codes, given, turn), 1)).to(estimate.dtype)
+            added = self.body(torch.cat((*parts, *given, turn), 1)).to(estimate.dtype)
             more, spread = added.split([self.rank, _SHAPES], 1)
             estimate = estimate + RESIDUAL * level * torch.einsum("lr,brhw->blhw", self.spectra, more)
             spread = torch.einsum("ls,bshw->blhw", self.shapes, spread)
             yield Moments(estimate, level * (_LEAST_DEVIATION + RESIDUAL * torch.exp(spread.clamp(max=_WIDEST) - 2)))
+
+    def _code_coefficients(self, operator: TapOperator) -> Tensor:
+        """(1, 2·R, H, W) of the code of the first bucket and of all together."""
+        codes = code_maps(operator)
+        both = torch.cat([self._coefficients(one[None]) for one in (codes[0], codes.sum(0))], 1)
+        return _CODES * both.clamp(-_MOST_CODE, _MOST_CODE)
 
     def _coefficients(self, cube: Tensor) -> Tensor:
         """(B, R, H, W) of the spectra of a cube (B, L, H, W)."""
