@@ -19,6 +19,7 @@ from tmca.operators.window_moments import WINDOW, needed_block
 from tmca.plugins import foreign_source
 from tmca.priors.learning import PATCH, common_channels, cubes_of, fitting_block, source_of, values_of
 from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
+from tmca.priors.subspace import SubspacePrior
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -75,7 +76,7 @@ def find_prior(
     if given is None:
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
-    if isinstance(prior, Prior) and prior.any_bands and kind == "gaussian" and camera.views is None:
+    if isinstance(prior, SubspacePrior) and kind == "gaussian" and camera.views is None:
         wanted = block or block_of(camera, prior.kind)
         if wanted[1] > prior.block[2]:
             text = f"the prior's blocks of {prior.block[2]} columns are narrow for a dispersion of so many columns"
@@ -238,9 +239,10 @@ def learn_prior(
     elif camera is not None:
         block = block_of(camera, kind)
     else:
-        extent = (_WIDEST if cls.any_bands else 0) if extent is None else extent
+        any_bands = issubclass(cls, SubspacePrior)
+        extent = (_WIDEST if any_bands else 0) if extent is None else extent
         check_range("extent", extent, 0, whole=True)
-        bands = 1 if cls.any_bands else len(about.get("wavelengths", ()))
+        bands = 1 if any_bands else len(about.get("wavelengths", ()))
         block = usual_block(kind, bands, extent, views)
     about |= {"seed": seed} if any(one.name == "seed" for one in _keywords(cls)) else {}
     about |= cls.settings_of_views if views is not None else {}
@@ -265,7 +267,7 @@ def _learner(kind: str, settings: dict[str, Any], views: tuple[int, int] | None)
     """The class of a kind; SettingError for a kind that there is not or not of cubes, or a setting it does not have."""
     check_choice("kind", kind, prior_kinds())
     cls = Prior.kinds[kind]
-    if cls.any_bands and views is not None:
+    if issubclass(cls, SubspacePrior) and views is not None:
         raise SettingError("kind", f"{kind!r} for light fields", "another: it is learned from cubes")
     if cls.of_views and views is None:
         raise SettingError("kind", f"{kind!r} for cubes", "another: it is learned from light fields")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields, replace
 from math import prod
 from pathlib import Path
@@ -35,8 +35,7 @@ class Prior(ABC):
     with its article; ``learned_by``, the command that writes its file; ``dimensions`` of the arrays in its file;
     ``in_files``, its kind as files spell it, where that differs; ``argument``, by which decoders take it; ``of_views``,
     whether it is of light fields alone; ``of_rendered``, whether that of the rendered scenes is learned where none is
-    given; ``any_bands``, whether ``at(wavelengths, block)`` gives a Gaussian prior of
-    any bands; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
+    given; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
     priors of the same scenes; ``settings_of_views``, those of ``learn`` that light fields have otherwise.
     """
 
@@ -48,7 +47,6 @@ class Prior(ABC):
     argument: ClassVar[str] = "prior"
     of_views: ClassVar[bool] = False
     of_rendered: ClassVar[bool] = True
-    any_bands: ClassVar[bool] = False
     version: ClassVar[int] = 1
     stated: ClassVar[type[Attributes]] = Attributes
     settings_of_views: ClassVar[Mapping[str, Any]] = {}
@@ -104,10 +102,6 @@ class Prior(ABC):
     @abstractmethod
     def from_arrays(cls, arrays: Mapping[str, Tensor], about: Mapping[str, Any]) -> Self:
         """The prior of a file that says this about it; KeyError or ValueError where it is damaged."""
-
-    def at(self, wavelengths: Sequence[float], block: tuple[int, int]) -> Prior:
-        """The Gaussian prior of blocks (h, w) at other bands, of a prior of ``any_bands``; itself, of any other."""
-        return self
 
     def check(self, camera: Any) -> None:
         """Whether it is one of the scenes that a camera sees.

@@ -39,7 +39,6 @@ class SubspacePrior(Prior):
 
     kind: ClassVar[str] = "subspace"
     called: ClassVar[str] = "a prior of any bands"
-    any_bands: ClassVar[bool] = True
     of_rendered: ClassVar[bool] = False
     learned_by: ClassVar[str] = "`tmca prior learn --any-bands`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {
