@@ -7,10 +7,9 @@ prior's mean adds nor the deviation depends on the frame.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import prod
-from operator import attrgetter
 
 import torch
 from torch import Tensor
@@ -65,15 +64,6 @@ class EqualCells:
     matrix: Tensor
 
 
-@dataclass(frozen=True)
-class SolvedCells:
-    """Equal cells, and (L, height, width) their estimate where measurements are zero and the deviation of any."""
-
-    cells: EqualCells
-    offset: Tensor
-    deviation: Tensor
-
-
 Covering = tuple[tuple[int, int, int], ...]
 """The blocks over a cell: (top, left) from its corner, and the group that they belong to."""
 Classes = dict[tuple[Covering, tuple[int, int]], list[tuple[int, int]]]
@@ -114,24 +104,23 @@ class Bank:
         valid, (first, last) = torch.zeros_like(weights), grid.model.valid
         valid[..., first:last] = weights[..., first:last]
         blocks = [BlockMatrices.of(solver, grid.code_windows(code, [places[0]]), weights, valid) for places in groups]
-        solved = [
-            _cell(grid, corners, covering, sides, blocks, (weights, valid))
+        solved = (
+            _solved_cells(grid, corners, covering, sides, blocks, (weights, valid))
             for (covering, sides), corners in classes.items()
-        ]
-        frames = (_frame([(each.cells, part(each)) for each in solved], grid.frame) for part in _PARTS)
-        return cls(grid, [each.cells for each in solved], *frames)
+        )
+        cells, offsets, deviations = zip(*solved, strict=True)
+        return cls(grid, [*cells], _frame(cells, offsets, grid.frame), _frame(cells, deviations, grid.frame))
 
-    def estimate(self, snapshot: Tensor) -> Tensor:
+    def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
         """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
         padded = self.grid.pad_snapshot(snapshot.to(self.deviation.dtype))
         values = []
         for cell in self.cells:
             seen = padded.unfold(2, cell.box[0], 1).unfold(3, cell.box[1], 1)[:, :, cell.down, cell.across]
             values.append((seen.transpose(1, 2).flatten(2) @ cell.matrix).unflatten(-1, (-1, cell.pixels.shape[1])))
+        if progress:
+            progress(1.0)
         return _laid(self.cells, values, self.grid.frame).add_(self.offset)
-
-
-_PARTS = (attrgetter("offset"), attrgetter("deviation"))
 
 
 def _bytes(model: BlockModel, blocks: int, classes: Classes, dtype: torch.dtype) -> int:
@@ -147,11 +136,11 @@ def _classes(grid: BlockGrid, groups: Sequence[Places]) -> Classes:
     """Corners of cells by the blocks over them and their (height, width)."""
     (height, width), (_, h, w) = grid.frame, grid.model.block
     group_of = {place: group for group, places in enumerate(groups) for place in places}
-    down, across = (_step(starts) for starts in (grid.tops, grid.lefts))
+    down, across = _step(grid.tops, height), _step(grid.lefts, width)
     classes: Classes = {}
-    for top in range(0, height, down or height):
-        for left in range(0, width, across or width):
-            sides = (min(down or height, height - top), min(across or width, width - left))
+    for top in range(0, height, down):
+        for left in range(0, width, across):
+            sides = (min(down, height - top), min(across, width - left))
             over = tuple(
                 (y - top, x - left, group_of[y, x])
                 for y in grid.tops if y - sides[0] < top < y + h
@@ -161,16 +150,17 @@ def _classes(grid: BlockGrid, groups: Sequence[Places]) -> Classes:
     return classes
 
 
-def _step(starts: Sequence[int]) -> int:
-    """From block to block; 0 of one alone."""
-    return starts[1] - starts[0] if len(starts) > 1 else 0
+def _step(starts: Sequence[int], length: int) -> int:
+    """From block to block; the whole length where there is one alone."""
+    return starts[1] - starts[0] if len(starts) > 1 else length
 
 
-def _cell(
+def _solved_cells(
     grid: BlockGrid, corners: Places, covering: Covering, sides: tuple[int, int], blocks: Sequence[BlockMatrices],
     weights: tuple[Tensor, Tensor],
-) -> SolvedCells:  # fmt: skip
-    """What the blocks over a cell say of it; ``weights`` (L, h, w) of a block, and of its valid columns."""
+) -> tuple[EqualCells, Tensor, Tensor]:  # fmt: skip
+    """Equal cells by the blocks over them, and (L, height, width) their estimate where measurements are zero and the
+    deviation of any; ``weights`` (L, h, w) of a block, and of its valid columns."""
     buckets, h, columns = blocks[0].gain.shape[:3]
     top, left, rows, across = _box(covering, grid.model)
     channels = len(weights[0])
@@ -192,7 +182,7 @@ def _cell(
         pixels.to(device), (places[:, 0] + top).to(device), (places[:, 1] + first).to(device), (rows, across),
         matrix.flatten(3).flatten(0, 2),
     )  # fmt: skip
-    return SolvedCells(cells, dark / weight, (variance / valid).sqrt())
+    return cells, dark / weight, (variance / valid).sqrt()
 
 
 def _box(covering: Covering, model: BlockModel) -> tuple[int, int, int, int]:
@@ -211,10 +201,10 @@ def _overlap(
     return (there[0], there[1]), (here[0], here[1])
 
 
-def _frame(parts: Sequence[tuple[EqualCells, Tensor]], frame: tuple[int, int]) -> Tensor:
+def _frame(cells: Sequence[EqualCells], parts: Sequence[Tensor], frame: tuple[int, int]) -> Tensor:
     """(1, L, H, W) of what is the same (L, height, width) in equal cells."""
-    values = [one.flatten(1).expand(1, len(cell.pixels), -1, -1) for cell, one in parts]
-    return _laid([cell for cell, _ in parts], values, frame)
+    pairs = zip(cells, parts, strict=True)
+    return _laid(cells, [one.flatten(1).expand(1, len(cell.pixels), -1, -1) for cell, one in pairs], frame)
 
 
 def _laid(cells: Sequence[EqualCells], values: Sequence[Tensor], frame: tuple[int, int]) -> Tensor:

@@ -104,19 +104,14 @@ def stored_bank(path: Path, key: str, grid: BlockGrid, taps: Taps, dtype: torch.
     head = _head(path)
     try:
         about = json_of(head["tmca"], path, _About)
-        tensors = _read(path) if about.key == key else {}
-    except (KeyError, DataError, SafetensorError, OSError):
-        _warn_of(path)
+        bank, code = _restored(about, path, grid, taps, dtype) if about.key == key else (None, taps.code)
+    except (KeyError, ValueError, DataError, SafetensorError, OSError):
+        warn(f"{path}: damaged, and made anew", DamagedBank, stacklevel=2)
         return None
-    if about.key != key:
-        raise _another(path)
-    bank, code = _bank(about, tensors, grid, dtype), tensors.get("code")
-    if bank is None or code is None or code.shape != taps.code.shape or not _fits(bank, taps):
-        _warn_of(path)
-        return None
-    if float((code - taps.code.detach().cpu().float()).abs().max()) > _SAME_CODE * float(code.abs().max()):
-        raise _another(path)
-    return _moved(bank, taps.code.device)
+    if bank is None or float((code - taps.code.detach().float()).abs().max()) > _SAME_CODE * float(code.abs().max()):
+        found = "the bank of another camera, noise, prior or setting"
+        raise DataError(path, found, "this one's", f"{_NAME}, or delete it")
+    return bank
 
 
 def _head(path: Path) -> dict[str, Any]:
@@ -135,21 +130,6 @@ def _head(path: Path) -> dict[str, Any]:
     return dict(head)
 
 
-def _read(path: Path) -> dict[str, Tensor]:
-    with safe_open(path, "pt") as file:
-        return {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-
-
-def _warn_of(path: Path) -> None:
-    warn(f"{path}: damaged, and made anew", DamagedBank, stacklevel=3)
-
-
-def _another(path: Path) -> DataError:
-    return DataError(
-        path, "the bank of another camera, noise, prior or setting", "this one's", f"{_NAME}, or delete it"
-    )
-
-
 def _tensors(bank: Bank, code: Tensor) -> Iterator[tuple[str, Tensor]]:
     for place, cell in enumerate(bank.cells):
         for name in _PARTS:
@@ -164,20 +144,21 @@ def _sum(tensor: Tensor) -> int:
     return int(tensor.contiguous().flatten().view(torch.int32).sum(dtype=torch.int64)) if tensor.numel() else 0
 
 
-def _bank(about: _About, tensors: dict[str, Tensor], grid: BlockGrid, dtype: torch.dtype) -> Bank | None:
-    """The bank that a head and tensors make; None where these are not what the head says."""
-    types = {name: torch.int64 if name in _PLACES else dtype for name in _PARTS}
-    names = [(f"{place:05d}.{name}", kind) for place in range(len(about.boxes)) for name, kind in types.items()]
-    names += [*((name, dtype) for name in _FRAMES), ("code", torch.float32)]
-    if any(name not in tensors or tensors[name].dtype != kind for name, kind in names):
-        return None
-    if [_sum(tensors[name]) for name, _ in names] != [*about.sums]:
-        return None
+def _restored(about: _About, path: Path, grid: BlockGrid, taps: Taps, dtype: torch.dtype) -> tuple[Bank, Tensor]:
+    """The bank and the code of a file; KeyError or ValueError where they are not what its head says."""
+    with safe_open(path, "pt", str(taps.code.device)) as file:
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     cells = [
-        EqualCells(box=box, **{name: tensors[f"{place:05d}.{name}"] for name in types})
+        EqualCells(box=box, **{name: tensors[f"{place:05d}.{name}"] for name in _PARTS})
         for place, box in enumerate(about.boxes)
     ]
-    return Bank(grid, cells, **{name: tensors[name] for name in _FRAMES})
+    bank, code = Bank(grid, cells, **{name: tensors[name] for name in _FRAMES}), tensors["code"]
+    every, types = [*_tensors(bank, code)], dict.fromkeys(_PLACES, torch.int64) | {"code": torch.float32}
+    if any(values.dtype != types.get(name.rpartition(".")[2], dtype) for name, values in every):
+        raise ValueError("tensors of other types")
+    if [_sum(values) for _, values in every] != [*about.sums] or code.shape != taps.code.shape or not _fits(bank, taps):
+        raise ValueError("tensors that do not go together")
+    return bank, code
 
 
 def _fits(bank: Bank, taps: Taps) -> bool:
@@ -210,10 +191,3 @@ def _inside(cell: EqualCells, seen: torch.Size, channels: int, pixels: int) -> b
 
 def _finite(numbers: Tensor) -> bool:
     return bool(numbers.sum().isfinite())
-
-
-def _moved(bank: Bank, device: torch.device) -> Bank:
-    cells = [
-        EqualCells(box=cell.box, **{name: getattr(cell, name).to(device) for name in _PARTS}) for cell in bank.cells
-    ]
-    return Bank(bank.grid, cells, bank.offset.to(device), bank.deviation.to(device))

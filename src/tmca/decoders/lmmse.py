@@ -153,29 +153,15 @@ class PatchEstimator:
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
-        if self.bank is not None:
-            return self._by_bank(self.bank, snapshot, uncertainty, progress)
-        if self.factors is not None:
-            return self._by_factors(self.factors, snapshot, uncertainty, progress)
+        computed = self.bank or self.factors
+        if computed is not None:
+            with torch.no_grad():
+                estimate = computed.estimate(snapshot, progress)
+                return Blended(estimate, computed.deviation.expand_as(estimate).clone() if uncertainty else None)
         blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
             blend.lay(self.solver, progress=progress)
         return blend.result()
-
-    @torch.no_grad()
-    def _by_factors(self, factors: Factors, snapshot: Tensor, uncertainty: bool, progress: Progress | None) -> Blended:
-        blend = Blend(self.layout, self.window, snapshot)
-        blend.lay_parts(factors.parts, progress=progress)
-        estimate = blend.result().estimate
-        return Blended(estimate, factors.deviation.expand_as(estimate).clone() if uncertainty else None)
-
-    @staticmethod
-    @torch.no_grad()
-    def _by_bank(bank: Bank, snapshot: Tensor, uncertainty: bool, progress: Progress | None) -> Blended:
-        estimate = bank.estimate(snapshot)
-        if progress:
-            progress(1.0)
-        return Blended(estimate, bank.deviation.expand_as(estimate).clone() if uncertainty else None)
 
 
 def blend_window(layout: BlockLayout, solver: Solver) -> Tensor:
@@ -296,6 +282,12 @@ class Factors:
             place, room = room[: len(part)], room[len(part) :]
             parts.append((part, replace(posterior, factor=place.copy_(posterior.factor.mT).mT)))
         return cls(layout, window, parts)
+
+    def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
+        """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
+        blend = Blend(self.layout, self.window, snapshot)
+        blend.lay_parts(self.parts, progress=progress)
+        return blend.result().estimate
 
     @cached_property
     def deviation(self) -> Tensor:
