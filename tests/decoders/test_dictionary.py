@@ -57,13 +57,12 @@ def sparse_scene(dictionary, rows, columns, entries=2, seed=1):
     return scene
 
 
-@pytest.mark.parametrize("merge", ["median", "mean"])
 @pytest.mark.parametrize("period", [None, (6, 5)])
-def test_exactly_sparse_patches_come_back_exactly(merge, period):
+def test_exactly_sparse_patches_come_back_exactly(period):
     dictionary = random_dictionary()
     scene = sparse_scene(dictionary, 2, 3)
     taps = light_field_taps(12, 15, period=period)
-    decoder = sparse(dictionary, "omp", stride=(6, 5), merge=merge, slack=0, dtype=torch.float64)
+    decoder = sparse(dictionary, "omp", stride=(6, 5), slack=0, dtype=torch.float64)
     found = decoder(snapshot(taps, scene), taps)
     torch.testing.assert_close(found, scene, atol=1e-8, rtol=0)
 
@@ -90,23 +89,21 @@ def test_patches_that_share_a_code_give_what_each_alone_gives(method, monkeypatc
     torch.testing.assert_close(shared, alone, atol=1e-4, rtol=0)
 
 
-@pytest.mark.parametrize("merge", ["median", "mean"])
 @pytest.mark.parametrize(
     ("frame", "stride"), [((11, 14), (2, 3)), ((10, 9), (1, 1)), ((7, 5), (4, 5)), ((3, 2), (2, 2))]
 )
-def test_patches_merge_row_by_row_as_all_at_once(merge, frame, stride):
+def test_patches_merge_row_by_row_as_all_at_once(frame, stride):
     block = (2, 5, 5)
     grid = BlockGrid.cover(BlockModel(block, (0, 1), (0, 0), 0), frame, stride)
     generator = torch.Generator().manual_seed(0)
     layers = np.full((len(grid.positions), 1, 2, 20, 20), np.nan)
-    overlaps, rows, at = MergedPatches(grid, 1, merge, torch.zeros(1)), [], 0
+    overlaps, rows, at = MergedPatches(grid, 1, torch.zeros(1)), [], 0
     for top in grid.tops:
         patches = torch.rand(len(grid.lefts), 1, *block, generator=generator)
         for left, patch in zip(grid.lefts, patches, strict=True):
             layers[at, ..., top : top + 5, left : left + 5] = patch.numpy()
             at += 1
         rows.append(overlaps.add(patches))
-    reduce = np.nanmedian if merge == "median" else np.nanmean
     found = torch.cat(rows, -2)
     assert found.shape == (1, 2, *frame)
-    np.testing.assert_allclose(found.numpy(), reduce(layers[..., : frame[0], : frame[1]], 0), atol=1e-6)
+    np.testing.assert_allclose(found.numpy(), np.nanmedian(layers[..., : frame[0], : frame[1]], 0), atol=1e-6)

@@ -138,8 +138,7 @@ REFUSED = {
             ({"y": light(9, 8)}, "snapshot"), ({"noise": -0.1}, "noise"), ({"method": "ksvd"}, "method"),
             ({"taps": Taps(VIEWS.code[:4], (0, 1, 2, 3), (0,) * 4, 4, 9)}, "prior"),
             ({"y": light(9, 10), "taps": Taps(VIEWS.code, tuple(range(9)), (0,) * 8 + (1,), 9, 10)}, "camera"),
-            ({"merge": "mode"}, "merge"), ({"stride": (0, 1)}, "stride"), ({"sparsity": -1}, "sparsity"),
-            ({"slack": -1.0}, "slack"),
+            ({"stride": (0, 1)}, "stride"), ({"slack": -1.0}, "slack"),
         ],
     ),
     "likelihood": (

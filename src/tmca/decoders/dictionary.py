@@ -20,14 +20,14 @@ from tmca.operators.windows import RowBuffer
 from tmca.priors.dictionary import PatchDictionary
 from tmca.sensor import Noise
 
-METHODS, MERGES = ("omp", "lasso"), ("median", "mean")
+METHODS = ("omp", "lasso")
 # Bytes of the dictionaries as patches see them that are held at once; more would leave the processor's cache.
 _MEMORY = 2**25
 _FLOOR = 1e-6
 
 
 class DictionaryEstimator:
-    """Every patch of the scene from its own h·w measurements, as few atoms; overlapping patches are merged.
+    """Every patch of the scene from its own h·w measurements, as few atoms; the median of overlapping patches.
 
     What a patch sees of the dictionary is ``A D``, atoms behind its own part of the code, and one constant atom for
     its mean, which is taken first (OMP) or free of penalty (LASSO). Measurements are weighed by their deviation: of
@@ -41,15 +41,13 @@ class DictionaryEstimator:
         taps, noise: of the camera, all without offset, and its sensor.
         method: ``"lasso"`` (by ADMM) or ``"omp"``.
         stride: rows and columns from patch to patch.
-        merge: ``"median"`` or ``"mean"`` of the patches that cover a pixel.
-        sparsity: largest number of atoms of a patch, for OMP; None takes a quarter of its measurements.
-        slack: OMP stops at a residual of so many times the expected one.
+        slack: OMP stops at a residual of so many times the expected one, or a quarter as many atoms as measurements.
         weight: of the absolute coefficients, for the LASSO; the default was chosen on training light fields.
         tolerance, max_iterations: of the LASSO's ADMM.
         dtype: of the arithmetic.
 
     Raises:
-        SettingError: unknown method or merge, impossible numbers, negative noise, or a camera that disperses.
+        SettingError: unknown method, impossible numbers, negative noise, or a camera that disperses.
         ShapeError: a dictionary of other views than the taps'.
     """
 
@@ -61,8 +59,6 @@ class DictionaryEstimator:
         method: str = "lasso",
         *,
         stride: tuple[int, int] = (3, 3),
-        merge: str = "median",
-        sparsity: int | None = None,
         slack: float = 1.0,
         weight: float = 0.1,
         tolerance: float = 1e-2,
@@ -70,15 +66,13 @@ class DictionaryEstimator:
         dtype: torch.dtype = torch.float32,
     ) -> None:
         check_choice("method", method, METHODS)
-        check_choice("merge", merge, MERGES)
-        for name, value, least in (("stride", min(stride), 1), ("sparsity", sparsity or 1, 1), ("slack", slack, 0)):
-            check_range(name, value, least)
+        check_range("stride", min(stride), 1)
+        check_range("slack", slack, 0)
         model = BlockModel.of(taps, dictionary.block)
         if model.span:
             raise SettingError("camera", f"a dispersion of {model.span} pixels", "none, for a dictionary", "use lmmse")
-        self.taps, self.noise, self.method, self.merge = taps, noise, method, merge
-        self.sparsity, self.slack, self.weight = sparsity, slack, weight
-        self.tolerance, self.max_iterations = tolerance, max_iterations
+        self.taps, self.noise, self.method = taps, noise, method
+        self.slack, self.weight, self.tolerance, self.max_iterations = slack, weight, tolerance, max_iterations
         step = (min(stride[0], model.block[1]), min(stride[1], model.block[2]))
         self.grid = BlockGrid.cover(model, (taps.code.shape[1], taps.code.shape[2]), step)
         self.code = self.grid.pad_code(taps.code.to(dtype))
@@ -93,7 +87,7 @@ class DictionaryEstimator:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W)."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         values = self.grid.pad_snapshot(snapshot.to(self.atoms.dtype))
-        patches, image = MergedPatches(self.grid, len(snapshot), self.merge, values), []
+        patches, image = MergedPatches(self.grid, len(snapshot), values), []
         for row, top in enumerate(self.grid.tops):
             image.append(patches.add(self._row(values, [(top, left) for left in self.grid.lefts])))
             if progress:
@@ -127,20 +121,20 @@ class DictionaryEstimator:
         """(G, P, 1 + K) codes of measurements (G, P, m) in units of their deviation."""
         m = measured.shape[-1]
         if self.method == "omp":
-            return batch_omp(atoms, measured, min(self.sparsity or m // 4, m), self.slack * m, forced=1)
+            return batch_omp(atoms, measured, m // 4, self.slack * m, forced=1)
         most, tolerance = self.max_iterations, self.tolerance
         return lasso_admm(atoms, measured, self.weight, 1, max_iterations=most, tolerance=tolerance).codes
 
 
 class MergedPatches:
-    """Patches merged by the median or the mean of all that cover a pixel, row of patches by row of patches.
+    """Patches merged by the median of all that cover a pixel, row of patches by row of patches.
 
     Patches that may overlap lie in layers of their own, so the memory is that of the patches which cover one row of the
     image, whatever its height. The image is ``like`` a tensor in type and device.
     """
 
-    def __init__(self, grid: BlockGrid, batch: int, merge: str, like: Tensor) -> None:
-        self.grid, self.merge = grid, merge
+    def __init__(self, grid: BlockGrid, batch: int, like: Tensor) -> None:
+        self.grid = grid
         channels, h, w = grid.model.block
         self.layers = (_layers(grid.tops, h), _layers(grid.lefts, w))
         self.buffer = RowBuffer(like.new_full((*self.layers, batch, channels, h, max(grid.lefts) + w), inf))
@@ -153,16 +147,12 @@ class MergedPatches:
             self.buffer.values[slot, i % self.layers[1], ..., left : left + patch.shape[-1]] = patch
         self.row += 1
         covers = self.buffer.leave(tops[self.row] - tops[self.row - 1])
-        return merged(covers[..., : self.grid.frame[1]].flatten(0, 1), self.merge)
+        return _median(covers[..., : self.grid.frame[1]].flatten(0, 1))
 
 
-def merged(covers: Tensor, merge: str) -> Tensor:
-    """(...) median or mean over the finite values along the first axis of covers (N, ...); ``inf`` marks gaps."""
-    there = covers.isfinite()
-    count = there.sum(0)
-    if merge == "mean":
-        return torch.where(there, covers, 0).sum(0) / count
-    ranked = covers.sort(0).values
+def _median(covers: Tensor) -> Tensor:
+    """(...) median over the finite values along the first axis of covers (N, ...); ``inf`` marks gaps."""
+    ranked, count = covers.sort(0).values, covers.isfinite().sum(0)
     lower, upper = (ranked.gather(0, (rank // 2)[None])[0] for rank in (count - 1, count))
     return (lower + upper) / 2
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, replace
 from inspect import isabstract
 from typing import TYPE_CHECKING, Any
@@ -28,28 +28,18 @@ def decoders() -> Mapping[str, type[Decoder]]:
     Warns:
         BrokenPlugin: one that names a kind of camera or of prior that there is not.
     """
-    load_plugins("tmca.decoders", _registered, "a subclass of Decoder with name, label and cameras")
-    cameras = [(name, kind) for name, cls in DECODERS.items() for kind in cls.cameras if kind not in CAMERAS]
-    if cameras:
+    load_plugins("tmca.decoders", DECODERS.values, "a subclass of Decoder with name, label and cameras")
+    kinds = [(name, "cameras", kind) for name, cls in DECODERS.items() for kind in cls.cameras if kind not in CAMERAS]
+    if kinds:
         load_cameras()
-        _warn_of("cameras", cameras, CAMERAS)
     known = (None, *Prior.kinds)
-    priors = [(name, cls.prior_kind) for name, cls in DECODERS.items() if cls.prior_kind not in known]
-    if priors:
-        _warn_of("prior_kind", priors, prior_kinds())
-    return DECODERS
-
-
-def _warn_of(part: str, named: list[tuple[str, Any]], choices: Collection[str]) -> None:
-    for name, kind in named:
+    kinds += [(name, "prior_kind", cls.prior_kind) for name, cls in DECODERS.items() if cls.prior_kind not in known]
+    for name, part, kind in kinds:
         try:
-            check_choice(f"decoder {name}: {part}", kind, choices)
+            check_choice(f"decoder {name}: {part}", kind, CAMERAS if part == "cameras" else prior_kinds())
         except SettingError as error:
             warn(str(error), BrokenPlugin, stacklevel=1)  # from one line, so that it is told once
-
-
-def _registered() -> Collection[type[Decoder]]:
-    return DECODERS.values()
+    return DECODERS
 
 
 def usual_decoder(kind: str) -> str:
