@@ -142,7 +142,8 @@ def test_a_field_that_a_decoder_fills_in_itself_is_no_setting():
     ("admm-tv", {"tv_weight": -1}, "tv_weight"), ("admm-tv", {"iterations": 0}, "iterations"),
     ("pnp-tv", {"iterations": 0}, "iterations"), ("pnp-subspace", {"rank": 0}, "rank"),
     ("pnp-subspace", {"rank": 100}, "rank"), ("tikhonov", {"weight": -1}, "weight"),
-    ("lmmse-adapted", {"tile": 0}, "tile"), ("space-time-dct", {"threshold": -1.0}, "threshold"),
+    ("lmmse-adapted", {"tile": 0}, "tile"), ("lmmse-adapted", {"iterations": -1}, "iterations"),
+    ("space-time-dct", {"threshold": -1.0}, "threshold"), ("space-time-dct", {"iterations": 1}, "iterations"),
     ("space-time-dct", {"frames": 3}, "frames"), ("tikhonov", {"iterations": "many"}, "iterations"),
     ("lmmse", {"uncertainty": "perhaps"}, "uncertainty"),
 ])  # fmt: skip

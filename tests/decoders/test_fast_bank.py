@@ -6,7 +6,7 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import decode, make_decoder
-from tmca.decoders.fast_bank import LEFT_OUT, _core, smaller
+from tmca.decoders.bank import LEFT_OUT, _core, smaller
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.errors import DataError
 from tmca.operators.taps import TapOperator

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tmca.cameras.motion import moving_scene
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError
 from tmca.priors import GaussianPrior
 from tmca.priors.moving import moving_block, moving_prior, reach_of
 
@@ -56,8 +56,6 @@ def test_blocks_are_cut_to_what_is_asked_for(still):
 def test_priors_that_leave_no_room_are_refused(still):
     with pytest.raises(DataError, match="7×8 pixels"):
         moving_prior(still, 2, 7.0)
-    with pytest.raises(SettingError, match="motion"):
-        moving_prior(still, 2, -1.0)
 
 
 def test_blocks_of_more_frames_are_smaller():

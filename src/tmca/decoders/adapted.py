@@ -43,15 +43,12 @@ class AdaptedEstimator:
         tile: side of the tiles, pixels; None fits one prior to the whole image.
 
     Raises:
-        SettingError, ShapeError: a number out of range, or a prior that is not stationary or does not fit.
+        SettingError, ShapeError: a prior that is not stationary or does not fit.
     """
 
     def __init__(
         self, prior: GaussianPrior, taps: Taps, noise: Noise, iterations: int = ITERATIONS, tile: int | None = TILE
     ) -> None:
-        check_range("iterations", iterations, 0)
-        if tile is not None:
-            check_range("tile", tile, 1)
         self.prior, self.taps, self.iterations = prior.to(taps.code.device), taps, iterations
         self.tiling = Tiling.of((taps.code.shape[1], taps.code.shape[2]), tile)
         model = BlockModel.of(taps, prior.block)

@@ -8,7 +8,7 @@ prior's mean adds nor the deviation depends on the frame.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 import torch
@@ -20,6 +20,10 @@ from tmca.priors.gaussian import GaussianSolver
 
 MOST_BYTES = 2**31
 """Of the matrices of blocks and cells, which are there at once, or of the factors of all blocks."""
+LEFT_OUT = 0.2
+"""Sum of the squares of gains that are left out, over the predicted squared error."""
+Sides = tuple[int, int, int, int]
+"""First row, row behind the last, first column, column behind the last."""
 
 
 @dataclass(frozen=True)
@@ -214,3 +218,58 @@ def _laid(cells: Sequence[EqualCells], values: Sequence[Tensor], frame: tuple[in
     for cell, one in zip(cells, values, strict=True):
         whole.flatten(2)[:, :, cell.pixels.flatten()] = one.transpose(1, 2).flatten(2)
     return whole
+
+
+def smaller(bank: Bank, expected: Tensor) -> Bank:
+    """The bank without measurements that hardly matter to a cell: a next frame in two thirds of the time.
+
+    They lie at the rim of what the blocks over a cell see. Fewer directions across the channels would save as much
+    again, but cost 0.8 dB on scenes whose spectra are unlike the prior's.
+
+    Args:
+        bank: of all measurements.
+        expected: (1, R, H, W') snapshot that the prior expects: of it both banks say the same.
+    """
+    squares = sum(float(cell.matrix.square().sum()) * len(cell.pixels) for cell in bank.cells)
+    if not squares:
+        return bank
+    share = LEFT_OUT * float(bank.deviation.square().sum()) / squares
+    linear = replace(bank, cells=[_cut(cell, share) for cell in bank.cells], offset=torch.zeros_like(bank.offset))
+    return replace(linear, offset=bank.estimate(expected) - linear.estimate(expected))
+
+
+def _cut(cell: EqualCells, share: float) -> EqualCells:
+    """Cells without a share of the sum of squares of their matrix."""
+    gains = cell.matrix.unflatten(0, (-1, *cell.box))
+    top, bottom, left, right = _core(gains.square().sum((0, 3)), share)
+    gains = gains[:, top:bottom, left:right]
+    box = (bottom - top, right - left)
+    return EqualCells(cell.pixels, cell.down + top, cell.across + left, box, gains.flatten(0, 2).contiguous())
+
+
+def _core(squares: Tensor, share: float) -> Sides:
+    """The part of a table that is left when its outer rows and columns are taken away, the weakest by area first."""
+    area = squares.double().cpu()
+    sides, budget = (0, area.shape[0], 0, area.shape[1]), share * float(area.sum())
+    while True:
+        strengths = [(float(area[_part(edge)].mean()), edge, inner) for edge, inner in _edges(sides)]
+        _, edge, inner = min(strengths, key=lambda one: one[0])
+        budget -= float(area[_part(edge)].sum())
+        if budget < 0 or prod(area[_part(inner)].shape) == 0:
+            return sides
+        sides = inner
+
+
+def _edges(sides: Sides) -> list[tuple[Sides, Sides]]:
+    """The outer rows and columns of a part, each with what is left without it."""
+    top, bottom, left, right = sides
+    return [
+        ((top, top + 1, left, right), (top + 1, bottom, left, right)),
+        ((bottom - 1, bottom, left, right), (top, bottom - 1, left, right)),
+        ((top, bottom, left, left + 1), (top, bottom, left + 1, right)),
+        ((top, bottom, right - 1, right), (top, bottom, left, right - 1)),
+    ]
+
+
+def _part(sides: Sides) -> tuple[slice, slice]:
+    return slice(sides[0], sides[1]), slice(sides[2], sides[3])

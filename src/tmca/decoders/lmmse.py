@@ -13,10 +13,9 @@ import torch
 from torch import Tensor
 
 from tmca.data.atomic import check_target
-from tmca.decoders.bank import MOST_BYTES, Bank
+from tmca.decoders.bank import MOST_BYTES, Bank, smaller
 from tmca.decoders.bank_file import bank_key, stored_bank, write_bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.fast_bank import smaller
 from tmca.errors import SettingError, check_shape
 from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chosen, usual_stride
 from tmca.operators.blocks import BlockModel
@@ -63,7 +62,7 @@ class PatchEstimator:
             period, so that blocks under the same part of the tile share their matrices.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
         differentiable: let gradients reach code and snapshot, the weights of the blend apart.
-        fast: of what `precompute` computes, leave out what carries next to nothing, see `tmca.decoders.fast_bank`.
+        fast: of what `precompute` computes, leave out what carries next to nothing, see `tmca.decoders.bank.smaller`.
 
     Raises:
         ShapeError: a prior of other bands than the taps', or too large a block.

@@ -114,7 +114,6 @@ def space_time_dct(
     first = max(0.5 * float(movie.max()), 2 * last) if first is None else first
     if not (0 < last < first and math.isfinite(first)):
         raise SettingError("threshold", f"from {first:g} to {last:g}", "falling, finite and above 0")
-    check_range("iterations", iterations, 2)
     penalty = _PENALTY * energy(operator, operator.A(torch.ones_like(movie[:1])))
     denoise = BlockThreshold(movie.shape[1], (movie.shape[3], movie.shape[4]))
     for iteration in range(iterations):

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn.functional import conv2d
 
 from tmca.cameras.motion import places_passed
-from tmca.errors import DataError, check_range
+from tmca.errors import DataError
 from tmca.priors.gaussian import GaussianPrior
 
 _ENTRIES, _COMPLETE, _FEWEST_COLUMNS, _VIEW_ENTRIES = 8064, 6, 12, 2600
@@ -54,11 +54,8 @@ def moving_prior(
         The prior of blocks (G·L, h - r, w - r), r = ``reach_of(motion)``; channel g·L + l is channel l in frame g.
 
     Raises:
-        SettingError: no frames, or a negative motion.
         DataError: a prior of blocks that are too small, or that is not the same everywhere.
     """
-    check_range("frames", frames, 1, whole=True)
-    check_range("motion", motion, 0, 100, unit="pixels")
     (channels, h, w), reach = prior.block, reach_of(motion)
     if not prior.stationary or min(h, w) <= reach:
         found = f"blocks of {h}×{w} pixels" if prior.stationary else "one that is not the same everywhere"

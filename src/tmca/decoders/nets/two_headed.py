@@ -168,7 +168,7 @@ class TwoHeadedUNet(nn.Module):
         height, width = snapshot.shape[-2:]
         white = float(white_level(camera))
         level = local_level(snapshot) / white
-        maps = _repeated(torch.cat(code_tiles(camera)), (height, width)).expand(len(snapshot), -1, -1, -1)
+        maps = _code_maps(camera, (height, width)).expand(len(snapshot), -1, -1, -1)
         seen = [snapshot / (level * white), maps, noise_maps(noise, level * white)]
         if start is None:
             logits, cube = snapshot.new_zeros(1), snapshot.new_zeros(1)
@@ -210,15 +210,11 @@ def white_level(camera: SpectralDepthCamera) -> Tensor:
     return (colour.sum(1) * light.mean(0)).mean()
 
 
-def code_tiles(camera: SpectralDepthCamera) -> tuple[Tensor, Tensor]:
-    """Shutter (K, Q, Q), and the share of every filter (R, Q, Q), of one tile."""
+def _code_maps(camera: SpectralDepthCamera, size: tuple[int, int]) -> Tensor:
+    """(1, K + R, H, W) shutter and share of every filter over every pixel, tile by tile."""
     side = slice(0, camera.tile_size)
-    return camera.shutter.part(side, side), camera.filters.plane.part(side, side)
-
-
-def _repeated(tile: Tensor, size: tuple[int, int]) -> Tensor:
-    """(1, …, H, W) of a tile (…, Q, Q)."""
-    rows, columns = (-(-length // side) for length, side in zip(size, tile.shape[-2:], strict=True))
+    tile = torch.cat((camera.shutter.part(side, side), camera.filters.plane.part(side, side)))
+    rows, columns = (-(-length // camera.tile_size) for length in size)
     return tile.repeat(1, rows, columns)[None, :, : size[0], : size[1]]
 
 
