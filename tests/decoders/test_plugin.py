@@ -40,15 +40,25 @@ FROM_MEAN = re.search(r"```python\n# my_package/from_mean.py\n(.*?)```", Path("C
 
 
 @pytest.fixture
-def plugin(tmp_path, monkeypatch):
+def installed(tmp_path, monkeypatch):
+    """Installs a package of one module; decoders and packages of a test are gone after it."""
+    before = dict(DECODERS)
     (tmp_path / "site").mkdir()
-    install(tmp_path / "site", monkeypatch, "tmca.decoders", "ten_lines", PACKAGE)
     monkeypatch.chdir(tmp_path)
-    yield decoders_for("spectral")["backprojection"]
-    DECODERS.pop("backprojection")
-    sys.modules.pop("ten_lines")
+    yield lambda source, *classes: install(
+        tmp_path / "site", monkeypatch, "tmca.decoders", "ten_lines", source, classes
+    )
+    DECODERS.clear()
+    DECODERS.update(before)
+    sys.modules.pop("ten_lines", None)
     monkeypatch.undo()
     load_plugins.cache_clear()
+
+
+@pytest.fixture
+def plugin(installed):
+    installed(PACKAGE)
+    return decoders_for("spectral")["backprojection"]
 
 
 @pytest.mark.parametrize("kind", ["spectral", "light-field"])
@@ -57,14 +67,10 @@ def test_it_conforms(plugin, kind):
         check(plugin, kind)
 
 
-def test_the_one_with_a_prior_that_contributing_shows_conforms(tmp_path, monkeypatch):
-    install(tmp_path, monkeypatch, "tmca.decoders", "from_mean", FROM_MEAN)
+def test_the_one_with_a_prior_that_contributing_shows_conforms(installed):
+    installed(FROM_MEAN)
     for check in CHECKS:
         check(decoders_for("spectral")["from-mean"], "spectral")
-    DECODERS.pop("from-mean")
-    sys.modules.pop("from_mean")
-    monkeypatch.undo()
-    load_plugins.cache_clear()
 
 
 def test_it_is_listed_with_its_settings(plugin, capsys):
@@ -113,52 +119,31 @@ def test_cells_of_a_decoder_that_was_edited_are_computed_again(plugin, tmp_path)
     assert after["psnr"] != before["psnr"]
 
 
-def test_a_class_that_is_refused_keeps_no_other_of_its_module_out(tmp_path, monkeypatch):
+def test_a_class_that_is_refused_keeps_no_other_of_its_module_out(installed):
     nameless = "\n\nclass Nameless(Decoder):\n    def reconstruct(self, prepared, values, progress):\n        pass\n"
     taken = PACKAGE.replace("Backprojection", "Taken").replace('"backprojection"', '"lmmse"')
     prior = "\n\nfrom tmca.priors import Prior\nclass Doubled(Prior):\n    kind = 'gaussian'\n"
-    install(tmp_path, monkeypatch, "tmca.decoders", "three_classes", taken + nameless + prior + PACKAGE,
-            ("Nameless", "Taken", "Backprojection"))  # fmt: skip
+    installed(taken + nameless + prior + PACKAGE, "Nameless", "Taken", "Backprojection")
     with pytest.warns(BrokenPlugin) as warned:
-        assert decoders_for("spectral")["backprojection"].__module__ == "three_classes"
+        assert decoders_for("spectral")["backprojection"].__module__ == "ten_lines"
     said = [str(one.message).partition(" of another package, left out: ") for one in warned]
     assert [(what, reason.split()[0]) for what, _, reason in said] == [
-        ("decoder", "nameless"), ("decoder", "three_classes.Taken.name:"), ("prior", "three_classes.Doubled.kind:"),
+        ("decoder", "nameless"), ("decoder", "ten_lines.Taken.name:"), ("prior", "ten_lines.Doubled.kind:"),
     ]  # fmt: skip
-    DECODERS.pop("backprojection")
-    sys.modules.pop("three_classes")
-    monkeypatch.undo()
-    load_plugins.cache_clear()
 
 
-def test_a_kind_that_no_camera_has_is_warned_of_where_decoders_are_listed(monkeypatch):
-    class Early(Decoder):
-        name, label, cameras = "early", "early", frozenset({"spectral", "spectrall"})
-
-        def reconstruct(self, prepared, values, progress):
-            return values
-
-    try:
-        with pytest.warns(BrokenPlugin, match="decoder early: cameras: found 'spectrall'.*did you mean spectral"):
-            assert decoders_for("spectral")["early"] is Early
+@pytest.mark.parametrize(("part", "kind", "said"), [
+    ("cameras", {"spectral", "spectrall"}, "found 'spectrall'.*did you mean spectral"),
+    ("prior_kind", "gausian", "found 'gausian'.*did you mean gaussian"),
+])  # fmt: skip
+def test_a_kind_that_there_is_not_is_warned_of_where_decoders_are_listed(installed, monkeypatch, part, kind, said):
+    parts = {"name": "early", "label": "early", "cameras": {"spectral"}, "reconstruct": lambda *given: given[2]}
+    early = type("Early", (Decoder,), {**parts, part: kind})
+    with pytest.warns(BrokenPlugin, match=f"decoder early: {part}: {said}"):
+        assert decoders_for("spectral")["early"] is early
+    if part == "cameras":
         monkeypatch.setitem(CAMERAS, "spectrall", SpectralCamera)  # of a package that comes later
         assert "early" in decoders_for("spectrall")
-    finally:
-        DECODERS.pop("early")
-
-
-def test_a_kind_of_prior_that_there_is_not_is_warned_of_where_decoders_are_listed():
-    class Misspelt(Decoder):
-        name, label, cameras, prior_kind = "misspelt", "misspelt", frozenset({"spectral"}), "gausian"
-
-        def reconstruct(self, prepared, values, progress):
-            return values
-
-    try:
-        with pytest.warns(BrokenPlugin, match="decoder misspelt: prior_kind: found 'gausian'.*did you mean gaussian"):
-            assert decoders_for("spectral")["misspelt"] is Misspelt
-    finally:
-        DECODERS.pop("misspelt")
 
 
 def test_a_class_without_a_name_is_refused_in_one_line():
@@ -182,12 +167,9 @@ def test_a_class_without_a_name_is_refused_in_one_line():
     (PACKAGE.replace('"backprojected"', "None"), "label: found None"),
     (PACKAGE.replace("def reconstruct", "def restore"), "reconstruct: found no such method"),
 ])  # fmt: skip
-def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(source, reason, tmp_path, monkeypatch, capsys):
-    install(tmp_path, monkeypatch, "tmca.decoders", "broken_lines", source)
+def test_a_package_that_cannot_be_loaded_is_warned_of_and_left_out(installed, source, reason):
+    installed(source)
     before = dict(DECODERS)
     with pytest.warns(BrokenPlugin, match=reason):
         assert "lmmse" in decoders_for("spectral")
     assert before == DECODERS
-    sys.modules.pop("broken_lines", None)
-    monkeypatch.undo()
-    load_plugins.cache_clear()

@@ -1,4 +1,4 @@
-"""Blocks that all see other parts of a code are solved once; frames after that are what solving them anew gives."""
+"""What is computed once, a bank of matrices or the factors of all blocks, gives what solving every frame gives."""
 
 from dataclasses import replace
 
@@ -7,71 +7,106 @@ import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
-from tmca.decoders import decode, lmmse, make_decoder
+from tmca.cameras.frames import frame_taps
+from tmca.decoders import LMMSE, bank, decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import GaussianSolver, explained_variance
 from tmca.sensor import Noise, Sensor
 
-PRIOR = GaussianPrior.learn([smooth_scene(60, 80, seed=1)], (4, 14))
+SCENES = [smooth_scene(60, 80, seed=1)]
+PRIOR = GaussianPrior.learn(SCENES, (4, 14))
 NOISE, SENSOR = Noise(0.02, 0.01), Sensor(read_noise=0.01)
+TAKEN = {
+    "two buckets": SpectralCamera(3, (21, 30), slots=4, shutter="balanced", buckets=2, period=(4, 6), sensor=SENSOR),
+    "fractional": SpectralCamera(3, (22, 31), slots=2, shutter="random", dispersion=0.7, period=4, sensor=SENSOR),
+    "light field": LightFieldCamera(3, (20, 25), slots=2, shutter="random", period=6, sensor=SENSOR),
+}
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def no_room_for_banks(monkeypatch):
     monkeypatch.setattr(Bank, "of", lambda *_: None)
 
 
+@pytest.fixture(params=["bank", "factors"])
+def kept(request):
+    """What is computed once."""
+    if request.param == "factors":
+        request.getfixturevalue("no_room_for_banks")
+    return request.param
+
+
+def prior_of(channels):
+    return GaussianPrior.learn([smooth_scene(40, 50, channels, seed=1)], (6, 12))
+
+
+def check_nothing_changes(estimator, frames, kept, within):
+    solved = estimator(frames, uncertainty=True)
+    assert getattr(estimator.precompute(), kept) is not None
+    found = estimator(frames, uncertainty=True)
+    torch.testing.assert_close(found.estimate, solved.estimate, rtol=0, atol=within)
+    torch.testing.assert_close(found.deviation, solved.deviation.expand_as(found.deviation), rtol=0, atol=100 * within)
+
+
 @pytest.mark.parametrize("name", CAMERAS)
-@pytest.mark.parametrize(("size", "period"), [((9, 40), (3, 4)), ((7, 23), None), ((3, 9), None)])
-def test_frames_are_those_that_are_solved_alone(name, size, period):
+@pytest.mark.parametrize("stride", [None, (3, 4), (2, 5)])
+@pytest.mark.parametrize(("size", "period"), [((9, 40), (3, 4)), ((12, 33), (4, 5)), ((7, 23), None), ((3, 9), None)])
+def test_frames_are_those_that_are_solved_alone(name, stride, size, period, kept):
     taps = camera(name, *size, period=period)
     scenes = torch.stack([smooth_scene(*size, seed=seed) for seed in (5, 6)])
     frames = noisy(snapshot(taps, scenes), NOISE.read, NOISE.shot)
-    estimator = PatchEstimator(PRIOR, taps, NOISE, dtype=torch.float64)
-    solved = estimator(frames, uncertainty=True)
-    assert estimator.precompute().factors is not None
-    found = estimator(frames, uncertainty=True)
-    torch.testing.assert_close(found.estimate, solved.estimate, rtol=0, atol=1e-12)
-    torch.testing.assert_close(found.deviation, solved.deviation.expand_as(found.deviation), rtol=0, atol=1e-12)
+    estimator = PatchEstimator(PRIOR, taps, NOISE, stride=stride, dtype=torch.float64)
+    check_nothing_changes(estimator, frames, kept, 1e-10 if kept == "bank" else 1e-12)
 
 
-TAKEN = {
-    "two buckets": SpectralCamera(3, (21, 30), slots=4, shutter="balanced", buckets=2, sensor=SENSOR),
-    "fractional": SpectralCamera(3, (22, 31), slots=2, shutter="random", dispersion=0.7, sensor=SENSOR),
-    "light field": LightFieldCamera(3, (20, 25), slots=2, shutter="random", sensor=SENSOR),
-}
+def test_moving_scenes_are_decoded_so(kept):
+    shown = TAKEN["two buckets"]
+    frames = shown(smooth_scene(21, 30, seed=2).float()[None], generator=0)
+    check_nothing_changes(PatchEstimator(prior_of(6), frame_taps(shown, 2), shown.noise), frames, kept, 1e-4)
 
 
 @pytest.mark.parametrize("name", TAKEN)
-def test_a_stream_behind_codes_that_do_not_repeat(name):
-    shown = TAKEN[name]
+def test_every_camera_decodes_a_stream_of_frames_that_have_nothing_in_common(name, kept):
+    shown = TAKEN[name] if kept == "bank" else TAKEN[name].replace(period=None)
     channels = shown.taps().scene_shape[0]
-    prior = GaussianPrior.learn([smooth_scene(40, 50, channels, seed=1)], (6, 12))
+    prior = prior_of(channels)
     prepared = make_decoder("lmmse", shown.kind, {"uncertainty": True}).prepare(shown, prior)
-    assert prepared.state.factors is not None
+    assert getattr(prepared.state, kept) is not None
     scenes = [smooth_scene(*shown.size, channels, seed=s).float().reshape(1, *shown.scene_shape) for s in range(2)]
-    frames = [Snapshot(shown(scene, generator=s), shown) for s, scene in enumerate(scenes)]
+    frames = [Snapshot(shown(scene, generator=s).requires_grad_(), shown) for s, scene in enumerate(scenes)]
     for frame, estimate in zip(frames, prepared.stream(frames), strict=True):
         alone = decode(frame, "lmmse", prior=prior, uncertainty=True)
-        torch.testing.assert_close(estimate.values, alone.values, rtol=0, atol=1e-5)
-        torch.testing.assert_close(estimate.deviation, alone.deviation, rtol=0, atol=1e-5)
+        assert not estimate.values.requires_grad
+        torch.testing.assert_close(estimate.values, alone.values, rtol=0, atol=1e-4)
+        torch.testing.assert_close(estimate.deviation, alone.deviation, rtol=0, atol=1e-4)
         estimate.deviation.mul_(100)
 
 
-def test_factors_are_left_out_where_memory_mixture_or_gradients_do_not_allow_them(monkeypatch):
-    taps = camera("single disperser", 9, 40)
-    assert PatchEstimator(PRIOR, taps, NOISE, differentiable=True).precompute().factors is None
-    mixture = GaussianMixturePrior.learn([smooth_scene(60, 80, seed=1)], (4, 14), kinds=2, rank=4, samples=200)
-    assert PatchEstimator(mixture, taps, NOISE).precompute().factors is None
-    dense = replace(PRIOR, moments=PRIOR.covariance)
-    assert PatchEstimator(dense, taps, NOISE).precompute().factors is None
-    monkeypatch.setattr(lmmse, "MOST_BYTES", 1000)
-    assert PatchEstimator(PRIOR, taps, NOISE).precompute().factors is None
+def test_a_subclass_that_prepares_otherwise_is_left_alone():
+    class Paired(LMMSE):
+        def setup(self, camera, prior):
+            return camera, prior
+
+    shown, prior = TAKEN["fractional"], prior_of(3)
+    assert Paired().prepare(shown, prior).state == (shown, prior)
 
 
-def test_no_room_is_made_for_factors_that_are_not_stored(monkeypatch):
+@pytest.mark.parametrize("hindrance", ["gradients", "mixture", "memory"])
+def test_nothing_is_kept_where_it_cannot_be(hindrance, monkeypatch):
+    prior = PRIOR
+    if hindrance == "mixture":
+        prior = GaussianMixturePrior.learn(SCENES, (4, 14), kinds=2, rank=4, samples=200)
+    if hindrance == "memory":
+        monkeypatch.setattr(bank, "MOST_BYTES", 1000)
+        monkeypatch.setattr(lmmse, "MOST_BYTES", 1000)
+    taps = camera("single disperser", 9, 40, period=(3, 4))
+    estimator = PatchEstimator(prior, taps, NOISE, differentiable=hindrance == "gradients").precompute()
+    assert estimator.bank is estimator.factors is None
+
+
+def test_no_room_is_made_for_factors_that_are_not_stored(monkeypatch, no_room_for_banks):
     dense = replace(PRIOR, moments=PRIOR.covariance)
     estimator, made = PatchEstimator(dense, camera("single disperser", 9, 40), NOISE, dtype=torch.float32), []
     new_empty = torch.Tensor.new_empty
@@ -99,7 +134,7 @@ def test_posteriors_with_gradients_are_the_same(name):
             torch.testing.assert_close(value.detach(), expected, rtol=1e-8, atol=1e-10)
 
 
-def test_what_is_stored_are_the_factors():
+def test_what_is_stored_are_the_factors(no_room_for_banks):
     taps = camera("single disperser", 7, 23)
     factors = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors
     for part, posterior in factors.parts:
@@ -112,7 +147,7 @@ def test_what_is_stored_are_the_factors():
     assert not any({"cross", "cross_valid"} & set(vars(posterior)) for _, posterior in factors.parts)
 
 
-def test_a_deviation_that_was_stopped_is_computed_anew(monkeypatch):
+def test_a_deviation_that_was_stopped_is_computed_anew(monkeypatch, no_room_for_banks):
     taps = camera("single disperser", 9, 40)
     expected = PatchEstimator(PRIOR, taps, NOISE).precompute().factors.deviation
     factors, add, laid = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors, Blend._add, []
