@@ -52,7 +52,7 @@ def matrix(taps):
     return snapshot(taps, basis).flatten(1).mT
 
 
-def noisy(values, read_noise, shot, seed=0):
+def noisy(values, read_noise, shot=0.0, seed=0):
     """Values plus Gaussian noise of variance read² + shot·values."""
     generator = torch.Generator().manual_seed(seed)
     white = torch.randn(values.shape, generator=generator, dtype=values.dtype)

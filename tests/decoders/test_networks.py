@@ -25,9 +25,10 @@ KINDS = {
     "views": ("spatial-angular", {"start": "dagger", "stages": 0, **VIEWS}),
     "views, consistent": ("spatial-angular", {"start": "dagger", "stages": 2, **VIEWS}),
     "views, shared": ("spatial-angular", {"start": "adjoint", "stages": 2, "shared": True, "gather": 3, **VIEWS}),
+    "subspace": ("subspace", {"start": "dagger", "stages": 2, "rank": 3, **TINY}),
 }
 BLIND = ("thesis", "views")  # they see the code through their first estimate alone
-SEEING = ("unet", "unrolled", "views, consistent")
+SEEING = ("unet", "unrolled", "views, consistent", "subspace")
 every_kind = pytest.mark.parametrize("name", KINDS)
 seeing = pytest.mark.parametrize("name", SEEING)
 
@@ -53,6 +54,10 @@ def recoded(operator, code):
 
 def built(name, views=None, bands=3):
     kind, settings = KINDS[name]
+    if kind == "subspace":
+        network = build_network(kind, **settings)
+        torch.nn.init.uniform_(network.basis)
+        return network.at(torch.linspace(430e-9, 680e-9, bands).tolist())
     own = {} if views is None else {"views": list(views)}
     return build_network(kind, bands=bands if views is None else views[0] * views[1], **settings, **own)
 
@@ -98,7 +103,7 @@ def test_any_grid_and_size_is_decoded_at_its_own(name, size, views):
     assert estimate.isfinite().all()
 
 
-@pytest.mark.parametrize("name", ["unet", "unrolled", "unrolled, shared", "views"])
+@pytest.mark.parametrize("name", ["unet", "unrolled", "unrolled, shared", "views", "subspace"])
 @pytest.mark.parametrize("dispersion", [1.0, 0.5])
 def test_a_network_that_was_not_trained_returns_its_first_estimate(name, dispersion):
     operator = operator_of(views_of(name), dispersion=dispersion)
@@ -112,6 +117,7 @@ def test_settings_survive_json_and_rebuild_the_same_function(name):
     network, operator = pair(name)
     again = build_network(network.kind, **json.loads(json.dumps(network.settings)))
     again.load_state_dict(network.state_dict())
+    again = again.at(network.wavelengths) if network.any_bands else again
     snapshot = operator.A(scenes(operator))
     assert torch.equal(decoded(again, operator, snapshot), decoded(network, operator, snapshot))
     assert again.settings == network.settings
@@ -220,7 +226,7 @@ def test_a_few_steps_on_one_scene_bring_the_estimate_closer(name):
     assert error < 0.7 * (start - scene).square().mean()
 
 
-@pytest.mark.parametrize("name", ["unrolled", "views, consistent"])
+@pytest.mark.parametrize("name", ["unrolled", "views, consistent", "subspace"])
 def test_half_precision_leaves_the_data_step_precise(name):
     network, operator = pair(name, size=(16, 16))
     snapshot = operator.A(scenes(operator))
@@ -259,9 +265,12 @@ def test_tiles_leave_no_seam(name, dispersion, size, tile):
     views = views_of(name)
     operator, network = operator_of(views, size, dispersion=dispersion), trained(name, views, spread=0.1)
     snapshot, told = operator.A(scenes(operator, 1)), []
-    whole = CollapsedNetwork(network, operator, NOISE, tile=None)(snapshot).values
-    tiled = CollapsedNetwork(network, operator, NOISE, tile=tile)(snapshot, told.append).values
-    torch.testing.assert_close(tiled, whole, rtol=0, atol=1e-5)
+    whole = CollapsedNetwork(network, operator, NOISE, tile=None)(snapshot)
+    tiled = CollapsedNetwork(network, operator, NOISE, tile=tile)(snapshot, told.append)
+    torch.testing.assert_close(tiled.values, whole.values, rtol=0, atol=1e-5)
+    assert (whole.deviation is None) == (name != "subspace")
+    if whole.deviation is not None:
+        torch.testing.assert_close(tiled.deviation, whole.deviation, rtol=0, atol=1e-5)
     assert told == sorted(told)
     assert told[-1] == pytest.approx(1)
 
@@ -275,6 +284,8 @@ def test_tiles_leave_no_seam(name, dispersion, size, tile):
         ("spatial-angular", {"width": 0}, "size"), ("spatial-angular", {"gather": 0}, "size"),
         ("spatial-angular", {"views": [5]}, "decoder spatial-angular"), ("spatial-angular", {"start": "zero"}, "start"),
         ("spatial-angular", {"bands": 15}, "views"), ("spatial-angular", {"bands": 9, "views": [-3, -3]}, "views"),
+        ("subspace", {"rank": 0}, "rank"), ("subspace", {"stages": 0}, "stages"), ("subspace", {"knots": 1}, "knots"),
+        ("subspace", {"start": "zero"}, "start"),
     ],
 )  # fmt: skip
 def test_impossible_settings_are_named(kind, settings, where):

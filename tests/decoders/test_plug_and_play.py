@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 import torch
-from small_cameras import blocky_scene, coded_camera, matrix, noisy
+from small_cameras import blocky_scene, coded_camera, matrix
 from torch import Tensor, nn
 
+from tests.small_scenes import noisy
 from tmca.decoders import (
     admm_tv,
     nl_means_denoiser,

@@ -9,9 +9,7 @@ import torch
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.data import rendered_scene
 from tmca.decoders import Weights, decode
-from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.subspace import SubspaceNetwork
-from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
 from tmca.errors import SettingError, ShapeError
 from tmca.operators import TapOperator
@@ -77,45 +75,11 @@ def test_a_network_at_other_bands_shares_its_layers():
     assert there.state_dict().keys() == network.state_dict().keys()
 
 
-def test_it_comes_back_from_its_settings_and_weights():
-    network, one = small(), camera(5)
-    again = restore_network("subspace", network.settings, network.state_dict())
-    given = seen(one)
-    assert torch.equal(again.at(one.wavelengths)(*given), network.at(one.wavelengths)(*given))
-
-
-@pytest.mark.parametrize("dispersion", [1.0, 0.5])
-@pytest.mark.parametrize(("size", "tile"), [((131, 20), 50), ((203, 13), 37)])
-def test_tiles_leave_no_seam_in_estimate_or_deviation(dispersion, size, tile):
-    one = SpectralCamera([450e-9, 550e-9, 650e-9], size, 2, dispersion=dispersion)
-    scene, network = torch.rand(1, *one.scene_shape, generator=torch.Generator().manual_seed(1)), small()
-    network.start = "dagger"
-    given = network.at(one.wavelengths), TapOperator(one.taps()), Noise(0.01)
-    whole, tiled = (CollapsedNetwork(*given, tile=side)(given[1].A(scene)) for side in (None, tile))
-    torch.testing.assert_close(tiled.values, whole.values, rtol=0, atol=1e-5)
-    torch.testing.assert_close(tiled.deviation, whole.deviation, rtol=0, atol=1e-5)
-
-
-def test_in_double_precision_it_is_the_same():
-    one = camera()
-    snapshot, operator, noise, start = seen(one)
-    known = small().at(one.wavelengths)(snapshot, operator, noise, start)
-    exact = small().double().at(one.wavelengths)
-    estimate = exact(snapshot.double(), TapOperator(one.double().taps()), noise, start.double())
-    torch.testing.assert_close(estimate.float(), known, atol=1e-5, rtol=1e-4)
-
-
 def test_wavelengths_beyond_its_range_are_refused():
     with pytest.raises(SettingError, match="400 to 700 nm"):
         small().at([380e-9, 500e-9])
     with pytest.raises(ShapeError, match="network"):
         small().at([500e-9])(*seen(camera(2)))
-
-
-@pytest.mark.parametrize("wrong", [{"rank": 0}, {"stages": 0}, {"knots": 1}, {"start": "nothing"}])
-def test_impossible_sizes_are_refused(wrong):
-    with pytest.raises(SettingError):
-        SubspaceNetwork(**{**SMALL, **wrong})
 
 
 def scene_of(one: SpectralCamera) -> torch.Tensor:
