@@ -7,7 +7,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from tmca.cameras import LightFieldCamera, SpectralCamera
-from tmca.errors import DataError, SettingError, ShapeError
+from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.priors import GaussianPrior, Prior, check_kind, find_prior, learn_prior, load_prior, prior_kinds
 
 BANDS, VIEWS = 3, (3, 3)
@@ -32,15 +32,23 @@ def learned(kind):
     return Prior.kinds[kind].learn(examples(BANDS), (3, 5), **about, **SMALL.get(kind, {}))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_it_comes_back_from_its_file(kind, tmp_path):
-    prior = learned(kind)
-    path = prior.save(tmp_path / "p.nc")
-    for again in (load_prior(path), Prior.kinds[kind].load(path)):
+def check_it_comes_back(prior, path):
+    prior.save(path)
+    for again in (load_prior(path), type(prior).load(path)):
         assert type(again) is type(prior)
-        assert (again.block, again.wavelengths, again.sources) == (prior.block, prior.wavelengths, prior.sources)
+        for part in ("block", "wavelengths", "sources"):
+            assert getattr(again, part) == getattr(prior, part)
+        assert again.attributes() == prior.attributes()
         for name, values in prior.arrays().items():
             torch.testing.assert_close(again.arrays()[name].double(), values.double())
+    with pytest.raises(OutputError):
+        prior.save(path)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_comes_back_from_its_file(kind, tmp_path):
+    prior, path = learned(kind), tmp_path / "p.nc"
+    check_it_comes_back(prior, path)
     for other in (name for name in Prior.kinds if not issubclass(Prior.kinds[kind], Prior.kinds[name])):
         with pytest.raises(DataError, match="expected"):
             Prior.kinds[other].load(path)
@@ -64,7 +72,7 @@ def test_it_is_drawn_and_says_what_it_is(kind):
     assert isinstance(prior.figure(), Figure)
     assert prior.called.split()[0] in ("a", "an")
     assert set(prior.arrays()) <= set(prior.dimensions)
-    assert prior.to("cpu").block == prior.block
+    assert prior.to("cpu") is prior
     assert prior != learned(kind)
     assert len(repr(prior)) < 100
 
