@@ -2,10 +2,10 @@
 
 import pytest
 import torch
-from conformance import SIZE, camera_for, values_for
+from conformance import camera_for, values_for
 
-from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import DECODERS, LMMSE, Weights, build_network, decode
+from tmca.cameras import Snapshot
+from tmca.decoders import DECODERS, LMMSE, decode
 from tmca.devices import computing_on, device_of, usual_device
 from tmca.errors import SettingError
 
@@ -57,13 +57,3 @@ def test_a_device_without_room_is_told_in_one_line(monkeypatch):
     assert "\n" not in str(refusal.value)
     with pytest.raises(SettingError, match="decode on the cpu"):
         DECODERS["dagger"]().prepare(taken().camera)(taken())
-
-
-def test_weights_at_other_bands_name_the_first_that_differs():
-    bands = [400e-9, 500e-9, 700e-9]
-    network = build_network("unet", bands=3, widths=[4], blocks=1, start="dagger")
-    weights = Weights.of(network, SpectralCamera(bands, SIZE, slots=2))
-    with pytest.raises(SettingError, match=r"number 2 at 500 nm, expected the camera's number 2 at 550 nm"):
-        weights.check(SpectralCamera([400e-9, 550e-9, 700e-9], SIZE, slots=2))
-    with pytest.raises(SettingError, match=r"found 3 bands of 400 to 700 nm, expected the camera's 2 bands"):
-        weights.check(SpectralCamera([400e-9, 700e-9], SIZE, slots=2))

@@ -7,7 +7,6 @@ from torch.nn.functional import avg_pool2d
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_scene, moving_scenes
 from tmca.decoders import decode
-from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -74,11 +73,3 @@ def test_a_light_field_that_moves():
     frames = decode(snapshot, "space-time-lmmse", prior=prior).values
     assert frames.shape == moved.shape
     assert error_db(frames, moved) < error_db(decode(snapshot, "lmmse", prior=prior).values[:, None], moved) - 1
-
-
-@pytest.mark.parametrize(("settings", "where"), [
-    ({"frames": 3}, "frames"), ({"frames": 0}, "frames"), ({"motion": -1.0}, "motion"), ({"motion": 1e9}, "motion"),
-])  # fmt: skip
-def test_impossible_settings_are_named(prior, settings, where):
-    with pytest.raises(SettingError, match=where):
-        decode(taken("one-hot", 1)[0], "space-time-lmmse", prior=prior, **settings)

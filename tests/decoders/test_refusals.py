@@ -11,7 +11,6 @@ from test_space_time import operator as shuttered
 from test_sparse import problem
 from test_tikhonov import operator_of, random_snapshots
 
-import tmca
 from tests.operators.test_window_moments import prior_of
 from tests.small_scenes import adapted, camera, patches, smooth_scene, snapshot
 from tmca.decoders import (
@@ -29,7 +28,7 @@ from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.pnp import subspace_denoiser
 from tmca.decoders.space_time import space_time_dct
 from tmca.decoders.tv import tv_prox
-from tmca.errors import SettingError, TmcaError
+from tmca.errors import TmcaError
 from tmca.operators.taps import Taps
 from tmca.priors import GaussianPrior
 
@@ -158,11 +157,3 @@ def test_what_a_decoder_cannot_do_is_refused_by_its_name(name, changes, where):
     with pytest.raises(TmcaError) as caught:
         REFUSED[name][0](**changes)
     assert caught.value.where == where
-
-
-@pytest.mark.parametrize(("decoder", "settings"), [("admm-tv", {"iterations": "3"}), ("lmmse", {"uncertainty": "yes"})])
-def test_a_text_is_no_number_in_python(decoder, settings):
-    snapshot = tmca.simulate(torch.rand(2, 12, 14), tmca.SpectralCamera(bands=2, size=(12, 14)))
-    with pytest.raises(SettingError, match="not a text") as raised:
-        tmca.reconstruct(snapshot, decoder, **settings)
-    assert raised.value.where == next(iter(settings))

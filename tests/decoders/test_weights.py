@@ -87,11 +87,15 @@ def test_a_file_that_holds_no_weights_is_named(tmp_path, damage):
         Weights.load(path)
 
 
-def test_bands_are_the_same_to_a_nanometre():
-    bands = (500e-9, 600e-9)
-    assert same_bands(bands, [500.5e-9, 600e-9])
-    assert not same_bands(bands, [502e-9, 600e-9])
-    assert not same_bands(bands, bands[:1])
+def test_weights_at_bands_that_are_a_nanometre_away_name_the_first_that_differs():
+    kept = Weights.of(trained("unrolled"), SpectralCamera([400e-9, 500e-9, 700e-9], (8, 8), slots=2))
+    for bands, words in (
+        ([400e-9, 502e-9, 700e-9], r"number 2 at 500 nm, expected the camera's number 2 at 502 nm"),
+        ([400e-9, 700e-9], r"found 3 bands of 400 to 700 nm, expected the camera's 2 bands"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            kept.check(SpectralCamera(bands, (8, 8), slots=2))
+    assert same_bands(kept.wavelengths, [400.5e-9, 500e-9, 699.5e-9])
 
 
 def weights_of(own, kind="unrolled", **network):
