@@ -5,6 +5,7 @@ import torch
 from tmca.decoders.adapted import AdaptedEstimator
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.operators.taps import Taps
+from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.sensor import Noise
 
 
@@ -57,6 +58,14 @@ def noisy(values, read_noise, shot=0.0, seed=0):
     generator = torch.Generator().manual_seed(seed)
     white = torch.randn(values.shape, generator=generator, dtype=values.dtype)
     return values + white * (read_noise**2 + shot * values.clamp(min=0)).sqrt()
+
+
+def textbook(prior, matrix, measured, read_noise, shot=0.0):
+    """Estimate (N, n) and error covariance (n, n) of blocks of a Gaussian prior from measurements (N, m), densely."""
+    S, mean = prior.covariance, prior.mean.flatten()
+    noise = read_noise**2 + NOISE_FLOOR + shot * (matrix @ mean).clamp_min(0)
+    gain = torch.linalg.solve(matrix @ S @ matrix.mT + torch.diag(noise), matrix @ S).mT
+    return mean + (measured - matrix @ mean) @ gain.mT, S - gain @ matrix @ S
 
 
 def patches(prior, **how):

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_scene, snapshot
+from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_scene, snapshot, textbook
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
+from tmca.priors.gaussian import GaussianSolver
 from tmca.sensor import Noise
 
 SCENE = smooth_scene(60, 80, seed=1)
@@ -25,9 +25,7 @@ def test_error_moments_are_those_of_the_dense_posterior(name, shot):
     rows = torch.zeros(model.measurements, taps.code[0].numel() * 3, dtype=torch.float64)
     weights = model.complete(windows)[0].flatten(1).mT
     rows.scatter_add_(1, model.pixels(), weights)
-    S, mean = PRIOR.covariance, PRIOR.mean.flatten()
-    noise = torch.diag(0.05**2 + NOISE_FLOOR + shot * (rows @ mean).clamp_min(0))
-    error = S - S @ rows.mT @ torch.linalg.solve(rows @ S @ rows.mT + noise, rows @ S)
+    _, error = textbook(PRIOR, rows, torch.zeros(1, len(rows)), 0.05, shot)
     first, last = model.valid
     error = error.reshape(*PRIOR.block, *PRIOR.block)[:, :, first:last, :, :, first:last]
     width = last - first

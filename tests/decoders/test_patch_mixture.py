@@ -1,10 +1,11 @@
 """The mixture decoder: every component's textbook estimate by its probability."""
 
-import numpy as np
+from itertools import product
+
 import pytest
 import torch
 
-from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot
+from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot, textbook
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR
 from tmca.sensor import Noise
@@ -42,26 +43,23 @@ def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
     posterior = MixtureSolver(prior, model, Noise(read, shot), torch.float64).posterior(taps.code[None])
     ((estimate, variance),) = posterior.moments([0], [y], True)
     basis = torch.eye(144, dtype=torch.float64).reshape(-1, *BLOCK)
-    A = snapshot(taps, basis)[:, 0, :, 2:12].flatten(1).mT.numpy()
-    for i in range(6):
-        logs, means, variances = [], [], []
-        for k in range(3):
-            for g in range(2):
-                part = prior.component(k, g)
-                S, mu = part.covariance.numpy(), part.mean.flatten().numpy()
-                G = A @ S @ A.T + np.diag(read**2 + NOISE_FLOOR + shot * np.maximum(A @ mu, 0))
-                r, gain = y[i].numpy() - A @ mu, S @ A.T @ np.linalg.inv(G)
-                weight, log_det = float(prior.weights[k, g]), np.linalg.slogdet(G)[1]
-                logs.append(np.log(weight) - 0.5 * (r @ np.linalg.solve(G, r) + log_det))
-                means.append(mu + gain @ r)
-                variances.append(np.diag(S - gain @ A @ S))
-        share = np.exp(np.array(logs) - max(logs))[:, None]
-        share, means = share / share.sum(), np.array(means)
-        mean = (share * means).sum(0)
-        spread = (share * (np.array(variances) + (means - mean) ** 2)).sum(0)
-        np.testing.assert_allclose(estimate[i].numpy(), mean, atol=1e-4)
-        judged = spread.reshape(BLOCK)[..., slice(*model.valid)].flatten()
-        np.testing.assert_allclose(variance[i].numpy(), judged, rtol=0.05, atol=1e-6)
+    A = snapshot(taps, basis)[:, 0, :, 2:12].flatten(1).mT
+    logs, means, variances = [], [], []
+    for k, g in product(range(3), range(2)):
+        part = prior.component(k, g)
+        expected = A @ part.mean.flatten()
+        noise = torch.diag(read**2 + NOISE_FLOOR + shot * expected.clamp_min(0))
+        seen = torch.distributions.MultivariateNormal(expected, A @ part.covariance @ A.mT + noise)
+        logs.append(prior.weights[k, g].log() + seen.log_prob(y))
+        mean, error = textbook(part, A, y, read, shot)
+        means.append(mean)
+        variances.append(error.diagonal())
+    share, means = torch.stack(logs).softmax(0)[..., None], torch.stack(means)
+    mean = (share * means).sum(0)
+    torch.testing.assert_close(estimate, mean, atol=1e-4, rtol=1e-7)
+    spread = (share * (torch.stack(variances)[:, None] + (means - mean).square())).sum(0)
+    judged = spread.reshape(-1, *BLOCK)[..., slice(*model.valid)].flatten(1)
+    torch.testing.assert_close(variance, judged, rtol=0.05, atol=1e-6)
 
 
 def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_its_error(prior):

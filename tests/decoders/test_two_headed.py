@@ -68,20 +68,6 @@ def test_tiles_change_nothing(prior, start, size, period):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
 
 
-def test_certain_planes_are_their_depths_in_metres_and_doubt_lies_between():
-    planes = camera().planes
-    logits = 50 * torch.eye(3)[None, :, None]
-    found = DepthEstimate(torch.zeros(1, 3, 1, 3), logits).decoded(planes)
-    torch.testing.assert_close(found.depth[0, 0, 0].double(), planes.metres)
-    assert bool((found.confidence > 0.999).all())
-    between = DepthEstimate(torch.zeros(1, 3, 1, 1), torch.zeros(1, 3, 1, 1)).decoded(planes)
-    torch.testing.assert_close(1 / between.depth.squeeze().double(), planes.inverse[1])
-    two = torch.tensor([0.1, -50, 0]).reshape(1, 3, 1, 1)  # either end: the likelier, and it says how sure that is
-    found = DepthEstimate(torch.zeros(1, 3, 1, 1), two).decoded(planes)
-    assert float(found.depth) > float(planes.metres[1])
-    assert float(found.confidence) == pytest.approx(float(torch.tensor(0.1).sigmoid()), abs=1e-6)
-
-
 def test_white_is_the_level_of_a_white_scene_away_from_the_dark_rim():
     made = camera((40, 44), shutter="random", exposure="per-slot")
     seen = made.exact(torch.ones(1, *made.scene_shape), torch.full((1, 1, 40, 44), 0.7))
