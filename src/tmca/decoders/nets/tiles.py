@@ -172,7 +172,8 @@ class CollapsedNetwork:
             parts = (self._window(one, first[(..., *tile.seen)], tile) for one, first in alone)
             return map(torch.cat, zip(*parts, strict=True))
 
-        return Raw(*over_tiles(self.tiles, self.size, made, part_of(progress, begun, 1)))
+        values, *deviation = over_tiles(self.tiles, self.size, made, part_of(progress, begun, 1))
+        return Raw(values, deviation[0] if deviation else None)
 
     def _window(self, snapshot: Tensor, start: Tensor, tile: Tile) -> tuple[Tensor, ...]:
         light, part = window_of(self.operator, snapshot, tile)
