@@ -134,7 +134,8 @@ def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, cap
     main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
     found = json.loads(capsys.readouterr().out)["metrics"]
     drawn = {}
-    monkeypatch.setattr("tmca.plots.light_field.light_field_figure", lambda e, t, *shown: drawn.update(e, truth=t))
+    figure = "tmca.applications.light_field.light_field_figure"
+    monkeypatch.setattr(figure, lambda estimates, truth, *shown: drawn.update(estimates, truth=truth))
     beside = evaluation_of("e.nc", "coffee")
     beside.figure("e")
     again = beside.metrics

@@ -17,11 +17,13 @@ from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, holds_snapshot, load_cameras
+from tmca.data import read_dataset, read_scene
 from tmca.data.files import SUFFIXES
 from tmca.data.formats.opening import open_contents
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
+from tmca.plots.estimates import estimate_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -101,8 +103,6 @@ class Application(ABC):
         Raises:
             DataError: a snapshot, beside what `tmca.data.read_scene` raises.
         """
-        from tmca.data import read_scene
-
         if reading.get("variable") is None and _is_snapshot(Path(source)):
             raise DataError(source, "a snapshot", "a scene", "name one, such as the scene that it is of")
         return read_scene(source, self.kind, **reading)  # type: ignore[arg-type]
@@ -212,8 +212,6 @@ class Application(ABC):
         Raises:
             DataError: none in it.
         """
-        from tmca.data import read_dataset
-
         return read_dataset(path, ("estimate",))
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
@@ -237,8 +235,6 @@ class Application(ABC):
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
     ) -> Figure:
         """An estimate as `Estimate.to_xarray` labels it, beside the truth and the snapshot where they are known."""
-        from tmca.plots.estimates import estimate_figure
-
         return estimate_figure(estimate, truth)
 
     def figures(

@@ -15,6 +15,7 @@ from tmca.applications.imaging import evaluate, metric_notes, simulate
 from tmca.applications.pictures import save_picture
 from tmca.applications.report import Section, write_report
 from tmca.cameras import Camera, Snapshot, load_cameras
+from tmca.data import atomic_path, make_folder
 from tmca.decoders import Estimate, decode
 from tmca.errors import OutputError, TmcaError
 
@@ -118,8 +119,6 @@ def run_demo(
     Raises:
         OutputError: ``out`` holds results and ``overwrite`` is False.
     """
-    from tmca.data import atomic_path, make_folder
-
     if (out / "report.html").exists() and not overwrite:
         raise OutputError(
             out / "report.html", "the report of an earlier demo", "none", "pass --overwrite or another --out"

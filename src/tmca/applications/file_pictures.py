@@ -25,6 +25,7 @@ from tmca.plots.cube import cube_figure
 from tmca.plots.depth import rgbd_figure, scene_figure
 from tmca.plots.style import image_figure, save_figure
 from tmca.plots.views import light_field_views
+from tmca.priors import load_prior
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,8 +52,6 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     if holds_snapshot(names):
         return snapshot_figure(Snapshot.load(path), path.name)
     if is_prior(description):
-        from tmca.priors import load_prior
-
         figure: Figure = load_prior(path).figure()
         return figure
     if description["kind"] == "light field":

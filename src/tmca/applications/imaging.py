@@ -16,6 +16,7 @@ from tmca.applications.moving import FRAMES, MOTION, frame_pairs, mean_of, moved
 from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
+from tmca.data import describe
 from tmca.data.in_memory import check_light, warn_of_estimate
 from tmca.data.scene_names import compare_scene
 from tmca.decoders import Estimate
@@ -220,8 +221,6 @@ def application_for(estimate: xr.Dataset | str | Path) -> Application:
         DataError: a file that cannot be described.
     """
     if isinstance(estimate, str | Path):
-        from tmca.data import describe
-
         about: Mapping[str, Any] = describe(estimate)
         if "snapshot" in about.get("variables", ()):
             raise DataError(estimate, "a snapshot", "an estimate of a scene", "run tmca reconstruct on it first")

@@ -16,8 +16,15 @@ from tmca.applications.camera_figures import rays_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
 from tmca.cameras import LightFieldCamera
+from tmca.data import label_light_field, light_fields
+from tmca.data.fitting import fit_views
+from tmca.data.in_memory import as_views, of_shape
+from tmca.data.light_field_scenes import as_batch, load_light_field, true_disparity
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError
+from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
+from tmca.plots.light_field import light_field_figure
+from tmca.plots.views import focus_steps, refocus_strip
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -42,13 +49,9 @@ class LightFieldDemo(Demo):
     focus = (-1.0, 0.0, 1.0)
 
     def scene(self, name: str, size: tuple[int, int]) -> xr.DataArray:
-        """See ``Demo``."""
-        from tmca.data.light_field_scenes import load_light_field
-
         return load_light_field(name, views=self.views, size=size, colour=True)
 
     def trials(self, scene: xr.DataArray) -> list[Trial]:
-        """See ``Demo``."""
         size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=self.read_noise)
         return [
             Trial(code, f"light_field_{stem}", self._camera(size, sensor, settings))
@@ -59,7 +62,6 @@ class LightFieldDemo(Demo):
         return LightFieldCamera(self.views, size, period=self.period, sensor=sensor, **settings)
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
-        """See ``Demo``."""
         static, multiplexed = (row["psnr"] for row in rows)
         return (
             f"{self.views}×{self.views} views of staged surfaces went through a coded mask before the sensor, in "
@@ -70,10 +72,6 @@ class LightFieldDemo(Demo):
         )
 
     def figures(self, name: str, scene: xr.DataArray, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
-        """See ``Demo``."""
-        from tmca.plots.light_field import light_field_figure
-        from tmca.plots.views import refocus_strip
-
         views = {code: one.estimate.values.numpy() for code, one in taken.items()}
         best = taken["one-hot shutter, K = 8"]
         snapshot, values = best.snapshot.values[:, 0].numpy(), best.estimate.values.numpy()
@@ -102,35 +100,23 @@ class LightFieldApplication(Application):
     demo = LightFieldDemo()
 
     def labelled(self, scene: Any, where: str) -> xr.DataArray:
-        """See ``Application``."""
-        from tmca.data.in_memory import as_views
-
         return as_views(scene, where)
 
     def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
         """See ``Application``; (V, U, H, W), or with three colours first."""
-        from tmca.data import label_light_field
-        from tmca.data.in_memory import of_shape
-
         views = ("V", "U") if "views" in getattr(camera, "unbound", ()) else camera.views
         colours = (3,) if values.ndim == 5 and len(values) == 3 else ()
         return label_light_field(of_shape(values, (*colours, *views, "H", "W"), where))
 
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
-        """See ``Application``."""
         views = (scene.sizes["view_v"], scene.sizes["view_u"])
         return {"views": views, "size": (scene.sizes["y"], scene.sizes["x"])}
 
     def fitted(self, scene: xr.DataArray, camera: Any, where: str) -> xr.DataArray:
         """See ``Application``; the views in the middle of the grid."""
-        from tmca.data.fitting import fit_views
-
         return fit_views(scene, camera.views, camera.size, where)
 
     def tensors(self, scene: xr.DataArray) -> tuple[Tensor, ...]:
-        """See ``Application``."""
-        from tmca.data.light_field_scenes import as_batch
-
         return (as_batch(scene),)
 
     def check(self, scene: xr.DataArray, camera: Any) -> dict[str, Any]:
@@ -156,16 +142,11 @@ class LightFieldApplication(Application):
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.DataArray, camera: Any) -> dict[str, float]:
         """See ``Application``: PSNR and SSIM of all views and of the worst."""
-        from tmca.metrics import light_field_metrics
-
         values = estimate["values"]
         return light_field_metrics(values if len(values) > 1 else values[0], truth.values)
 
     def geometry(self, estimate: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
         """See ``Application``: error of the disparity that the views show."""
-        from tmca.data.light_field_scenes import true_disparity
-        from tmca.metrics import disparity_error, estimate_disparity
-
         how, views = noted_reading(truth.attrs), estimate["estimate"]
         real = true_disparity(how["source"], views, how["scale"], how["pattern"]) if how else None
         if real is None:
@@ -179,8 +160,6 @@ class LightFieldApplication(Application):
 
     def stored(self, path: str, **reading: Any) -> xr.Dataset:
         """See ``Application``: all views in their colours, and as an attribute how its scene was read."""
-        from tmca.data import light_fields
-
         with light_fields.open_light_field(path) as contents:
             stored = light_fields.find_light_field(contents)
             if stored is None:
@@ -191,7 +170,6 @@ class LightFieldApplication(Application):
         return views.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
-        """See ``Application``."""
         camera, sizes = super().camera_of(stored, where), stored["estimate"].sizes
         camera.views = (sizes["view_v"], sizes["view_u"])
         return camera
@@ -204,8 +182,6 @@ class LightFieldApplication(Application):
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
     ) -> Figure:
         """See ``Application``: centre views with epipolar slices."""
-        from tmca.plots.light_field import light_field_figure
-
         # buckets beside each other, the first at the left
         frames = None if snapshot is None else torch.cat(snapshot.values.unbind(1), -1).numpy(force=True)
         shown = frames if frames is None or len(frames) > 1 else frames[0]
@@ -222,8 +198,6 @@ class LightFieldApplication(Application):
         title: str = "",
     ) -> dict[str, Figure | np.ndarray]:
         """See ``Application``; also refocused photographs, and a walk over the views."""
-        from tmca.plots.views import focus_steps, refocus_strip
-
         views = estimate["estimate"]
         above = f"{title}: refocused, disparity in px per view"
         strip = refocus_strip(views.values, focus_steps(views), above)

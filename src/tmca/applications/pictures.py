@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.base import application_of
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.moving import FRAMES, frames_of, moved_by
+from tmca.plots.movies import movie_figure, movie_views
+from tmca.plots.style import save_figure
+from tmca.plots.views import views_gif
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,8 +77,6 @@ def _movie(stored: xr.Dataset, truth: Any) -> dict[str, Any]:
     """Frames beside those of the truth, in a row and one after the other."""
     import xarray as xr
 
-    from tmca.plots.movies import movie_figure, movie_views
-
     frames = stored["estimate"]
     movies = {str(stored.attrs["decoder"]): frames}
     if truth is not None:
@@ -86,7 +87,4 @@ def _movie(stored: xr.Dataset, truth: Any) -> dict[str, Any]:
 
 def save_picture(picture: Any, file: Path, *, overwrite: bool = False) -> Path:
     """A figure, or for ``.gif`` views (V, U, H, W) as a walk over them, as a file."""
-    from tmca.plots.style import save_figure
-    from tmca.plots.views import views_gif
-
     return (views_gif if file.suffix == ".gif" else save_figure)(picture, file, overwrite=overwrite)

@@ -10,6 +10,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tmca import __version__
+from tmca.data import write_text
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -40,9 +43,6 @@ def write_report(path: str | Path, title: str, sections: Sequence[Section], *, o
         OutputError: the file exists, or cannot be written.
     """
     import jinja2
-
-    from tmca import __version__
-    from tmca.data import write_text
 
     source = files("tmca.applications").joinpath("report.html.j2").read_text(encoding="utf-8")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)

@@ -14,7 +14,15 @@ from tmca.applications.camera_figures import codes_figure, snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.moving import FRAMES, MOTION
 from tmca.cameras import SpectralCamera
+from tmca.data import Negative, read, rendered_scene, select_bands
+from tmca.data.cubes import label
+from tmca.data.fitting import fit_cube
+from tmca.data.formats.opening import open_contents
+from tmca.data.in_memory import as_cube, of_shape
+from tmca.decoders import Weights
 from tmca.errors import DataError
+from tmca.metrics import all_metrics
+from tmca.plots.cube import reconstruction_figure
 from tmca.sensor import Sensor, band_wavelengths
 
 if TYPE_CHECKING:
@@ -49,19 +57,13 @@ class SpectralDemo(Demo):
     }
 
     def scene(self, name: str, size: tuple[int, int]) -> xr.DataArray:
-        """See ``Demo``."""
-        from tmca.data import rendered_scene, select_bands
-
         cube = select_bands(rendered_scene(name, size=size)["radiance"], self.bands)
         return cube.assign_attrs(name=name)
 
     def trials(self, scene: xr.DataArray) -> list[Trial]:
-        """See ``Demo``."""
         return [self._trial(scene, code, stem, settings) for code, (stem, settings) in self.codes.items()]
 
     def _trial(self, scene: xr.DataArray, code: str, stem: str, settings: dict[str, Any]) -> Trial:
-        from tmca.decoders import Weights
-
         sensor, size = Sensor(read_noise=self.read_noise), (scene.sizes["y"], scene.sizes["x"])
         name = f"{scene.attrs['name']}_{stem}"
         if "learned" in stem:
@@ -72,7 +74,6 @@ class SpectralDemo(Demo):
         return Trial(code, name, camera, "lmmse", {"uncertainty": True})
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
-        """See ``Demo``."""
         static, random, _, learned_static, learned = (row["psnr"] for row in rows[: len(self.codes)])
         return (
             f"Two rendered scenes of {self.bands} bands (400–700 nm) were each recorded in one snapshot by a static "
@@ -86,9 +87,6 @@ class SpectralDemo(Demo):
         )
 
     def figures(self, name: str, scene: xr.DataArray, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
-        """See ``Demo``."""
-        from tmca.plots.cube import reconstruction_figure
-
         cubes = {code: one.estimate.values[0].numpy() for code, one in taken.items()}
         deviations = {
             code: one.estimate.deviation[0].numpy() for code, one in taken.items() if one.estimate.deviation is not None
@@ -114,32 +112,22 @@ class SpectralApplication(Application):
     demo = SpectralDemo()
 
     def labelled(self, scene: Any, where: str) -> xr.DataArray:
-        """See ``Application``."""
-        from tmca.data.in_memory import as_cube
-
         return as_cube(scene, where)
 
     def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
         """See ``Application``; bands that the camera does not know yet are spread evenly from 400 to 700 nm."""
-        from tmca.data.cubes import label
-        from tmca.data.in_memory import of_shape
-
         unknown = "bands" in getattr(camera, "unbound", ())
         cube = of_shape(values, ("L" if unknown else len(camera.wavelengths), "H", "W"), where)
         return label(cube, np.array(band_wavelengths(len(cube)) if unknown else camera.wavelengths))
 
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
-        """See ``Application``."""
         return {"bands": scene["wavelength"].values.tolist(), "size": (scene.sizes["y"], scene.sizes["x"])}
 
     def fitted(self, scene: xr.DataArray, camera: Any, where: str) -> xr.DataArray:
         """See ``Application``; the nearest band for every wavelength."""
-        from tmca.data.fitting import fit_cube
-
         return fit_cube(scene, camera.wavelengths, camera.size, where)
 
     def tensors(self, scene: xr.DataArray) -> tuple[Tensor, ...]:
-        """See ``Application``."""
         return (torch.from_numpy(np.array(scene.values, dtype=np.float32))[None],)
 
     def truth(
@@ -150,15 +138,10 @@ class SpectralApplication(Application):
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.DataArray, camera: Any) -> dict[str, float]:
         """See ``Application``: PSNR, SSIM, UIQI, SAM, ERGAS, DD."""
-        from tmca.metrics import all_metrics
-
         return all_metrics(estimate["values"][0], truth.values)
 
     def stored(self, path: str, **reading: Any) -> xr.Dataset:
         """See ``Application``; any cube is one. Given wavelengths are those of a file without its own."""
-        from tmca.data import Negative, read
-        from tmca.data.formats.opening import open_contents
-
         with open_contents(path) as contents:
             noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
             in_frames = "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims
@@ -176,7 +159,6 @@ class SpectralApplication(Application):
         return cube.to_dataset(name="estimate").assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
-        """See ``Application``."""
         camera = super().camera_of(stored, where)
         camera.wavelengths = tuple(stored["wavelength"].values.tolist())
         return camera

@@ -18,9 +18,16 @@ from tmca.applications.spectral import METRICS
 from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.cameras import SpectralDepthCamera
+from tmca.cameras.sensor_tiles import check_holds
+from tmca.data import read_dataset
+from tmca.data.depth_scenes import depth_tensor, load_spectral_depth
+from tmca.data.fitting import FITTED, fit_depth_scene, middle_of
+from tmca.data.in_memory import as_depth_scene
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError
-from tmca.optics import DepthPlanes
+from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
+from tmca.optics import DepthPlanes, check_mask
+from tmca.plots.estimates import estimate_figure
 from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
@@ -51,15 +58,10 @@ class SpectralDepthDemo(Demo):
     }
 
     def scene(self, name: str, size: tuple[int, int]) -> xr.Dataset:
-        """See ``Demo``."""
-        from tmca.data.depth_scenes import load_spectral_depth
-        from tmca.data.fitting import middle_of
-
         seen = reading_range(self._camera(size, {}))
         return middle_of(load_spectral_depth(name, **seen, reduce=self.reduce), size, name)
 
     def trials(self, scene: xr.Dataset) -> list[Trial]:
-        """See ``Demo``."""
         size, how = (scene.sizes["y"], scene.sizes["x"]), {"window": self.window}
         return [
             Trial(code, f"spectral_depth_{stem}", self._camera(size, settings), settings=how)
@@ -71,7 +73,6 @@ class SpectralDepthDemo(Demo):
         return SpectralDepthCamera.from_preset("quick", size=size, filters="clear", sensor=sensor, **settings)
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
-        """See ``Demo``."""
         static, multiplexed = (row["depth_mae"] for row in rows)
         return (
             "A random phase mask in the aperture blurs every depth and wavelength in its own way. It was still during "
@@ -83,7 +84,6 @@ class SpectralDepthDemo(Demo):
         )
 
     def figures(self, name: str, scene: xr.Dataset, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
-        """See ``Demo``."""
         about = "Colours, depth in metres, probability within a bin, and spectra: {}; the truth above."
         drawn = {f"{one.trial.stem}.png": (about.format(code), one.figure(scene)) for code, one in taken.items()}
         psf = "Point spread functions of the four slots over depth, and what points leave behind the shutter."
@@ -110,29 +110,20 @@ class SpectralDepthApplication(Application):
         return reading_range(camera)
 
     def labelled(self, scene: Any, where: str) -> xr.Dataset:
-        """See ``Application``."""
-        from tmca.data.in_memory import as_depth_scene
-
         return as_depth_scene(scene, where)
 
     def parts(self, scene: xr.Dataset) -> dict[str, Any]:
-        """See ``Application``."""
         waves = scene["wavelength"].values.tolist()
         return {"bands": waves, "size": (scene.sizes["y"], scene.sizes["x"])}
 
     def fitted(self, scene: xr.Dataset, camera: Any, where: str) -> xr.Dataset:
         """See ``Application``; depth that reaches beyond the camera's range is mapped onto it, evenly in inverse depth,
         unless the scene says that it was mapped or placed already, or read to stay as it is (``fitted=False``)."""
-        from tmca.data.fitting import fit_depth_scene
-
         planes, how = camera.planes, noted_reading(getattr(scene, "attrs", {}))
         mapped = how.get("placed") is None and how.get("fitted", True)
         return fit_depth_scene(scene, camera.wavelengths, camera.size, planes.near, planes.far, where, mapped=mapped)
 
     def tensors(self, scene: xr.Dataset) -> tuple[Tensor, ...]:
-        """See ``Application``."""
-        from tmca.data.depth_scenes import depth_tensor
-
         cube = torch.from_numpy(np.array(scene["radiance"].values, dtype=np.float32))
         return cube[None], depth_tensor(scene)
 
@@ -143,10 +134,6 @@ class SpectralDepthApplication(Application):
             StrayLight, Undersampled: point spread functions that do not fit their window, masks steeper than their
                 pixels.
         """
-        from tmca.cameras.sensor_tiles import check_holds
-        from tmca.data.fitting import FITTED
-        from tmca.optics import check_mask
-
         unknown = unknown_depth(scene["depth"], camera.planes)
         check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
         check_holds(camera.size, camera.bench.window)
@@ -166,20 +153,15 @@ class SpectralDepthApplication(Application):
         return spectral_depth_metrics(estimate["values"][0], estimate["depth"], truth, camera.planes)
 
     def holds(self, about: Mapping[str, Any]) -> bool:
-        """See ``Application``."""
         return bool("confidence" in about["variables"] and about.get("depth"))
 
     def stored(self, path: str, **reading: Any) -> xr.Dataset:
-        """See ``Application``."""
-        from tmca.data import read_dataset
-
         stored = read_dataset(path, _PARTS)
         if stored["depth"].dtype.kind not in "fiu" or stored["depth"].isnull().any():
             raise DataError(path, "a depth that is not a number", "the distance of every pixel", REMEDY)
         return stored
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
-        """See ``Application``."""
         camera, radiance = super().camera_of(stored, where), stored["radiance"]
         if "wavelength" not in radiance.dims or "wavelength" not in radiance.coords:
             raise DataError(where, "radiance without wavelengths", "one along a coordinate wavelength", REMEDY)
@@ -197,8 +179,6 @@ class SpectralDepthApplication(Application):
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
     ) -> Figure:
         """See ``Application``: colours, depth with confidence or error, and spectra; the truth in a row of its own."""
-        from tmca.plots.estimates import estimate_figure
-
         return estimate_figure(estimate, truth, (camera.planes.near, camera.planes.far))
 
 
@@ -214,8 +194,6 @@ def spectral_depth_metrics(
 
     ``known_depth`` is the share of pixels where it is, within the range of the planes. One plane has no bins.
     """
-    from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
-
     within = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(within.numpy(), truth["depth"].values, np.nan)
     figures = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}

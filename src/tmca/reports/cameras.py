@@ -12,6 +12,7 @@ import torch
 
 from tmca.arguments import Ints, Kind, Names, Seed, checked
 from tmca.cameras import LightFieldCamera
+from tmca.data import split_rendered, split_rendered_light_fields
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.data.scenes import DarkScene, load_scene
 from tmca.design import Advice, Examples, MaskAdvice, Progress, SensorSheet, design_model, designable, learn_examples
@@ -94,8 +95,6 @@ def design_spectral(
         camera: further arguments of ``SpectralCamera``.
         how: further arguments of ``search_codes``.
     """
-    from tmca.data import split_rendered
-
     named_once(scenes)
     settings, names = dict(camera or {}), list(scenes) or sorted(split_rendered()["train"])
     how_read = {"size": None if scenes else _RENDERED_SIZE, **(reading or {})}
@@ -158,8 +157,6 @@ def design_light_field(
     Raises:
         SettingError: a scale below 1; what ``search_codes`` refuses.
     """
-    from tmca.data import split_rendered_light_fields
-
     named_once(scenes)
     if reading.scale is not None and reading.scale < 1:
         raise SettingError("scale", str(reading.scale), "1 or more pixels that are averaged into one")

@@ -18,6 +18,7 @@ from tmca.applications.report import Section, write_report
 from tmca.arguments import checked
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
+from tmca.data import atomic_path, check_folder, make_folder, tiff_bytes, write_json
 from tmca.design import (
     Advice,
     Candidate,
@@ -132,8 +133,6 @@ def search_codes(
         DataError, ShapeError: scenes that cannot be used, or that are too small.
         OutputError: files exist, or none can be written.
     """
-    from tmca.data import check_folder, make_folder, write_json
-
     check_new((out / name for name in FILES), overwrite)
     check_search(sheet, slots, kinds, period, seed, throughput, light)
     check_size(bare, (period, period), sheet.allowed(slots), scenes, sheet.buckets)
@@ -190,8 +189,6 @@ def _row(candidate: Candidate) -> dict[str, Any]:
 def _write_codes(advice: Advice, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
     """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels; of the burst
     the planes alone."""
-    from tmca.data import atomic_path, tiff_bytes
-
     camera = advice.best.design.camera
     for name, tile in zip(("aperture", "shutter"), _tiles(camera), strict=True):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:

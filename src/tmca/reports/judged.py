@@ -9,10 +9,13 @@ import numpy as np
 
 from tmca.cameras import CodedCamera, Snapshot, SpectralCamera
 from tmca.codes import read_codes
+from tmca.data import read_dataset
+from tmca.decoders import Weights
 from tmca.design import CodeMeasures, SensorSheet, measures
 from tmca.errors import DataError, SettingError
 from tmca.plots.codes import measures_figure
 from tmca.plots.style import save_figure
+from tmca.priors import GaussianPrior, expected_psnr
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,9 +75,6 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
     Raises:
         DataError: none of these, or of a camera without binary aperture codes.
     """
-    from tmca.data import read_dataset
-    from tmca.decoders import Weights
-
     path = Path(file)
     if path.suffix == ".safetensors" or path.is_dir():
         return Weights.load(path).camera_for((_FRAME, _FRAME))
@@ -88,8 +88,6 @@ def coded_camera(file: str | Path, bands: int, settings: dict[str, Any]) -> Code
 
 
 def _expected(camera: CodedCamera, prior: str | Path, sheet: SensorSheet | None) -> float:
-    from tmca.priors import GaussianPrior, expected_psnr
-
     known = GaussianPrior.load(prior)
     if known.block[0] != camera.channels:
         raise DataError(prior, f"{known.block[0]} bands or views", f"{camera.channels}, those of the codes")

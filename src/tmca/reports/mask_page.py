@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.camera_figures import phase_codes_figure, psf_figure
 from tmca.applications.report import Section, write_report
 from tmca.cameras.phase_codes import write_phase_codes
+from tmca.data import make_folder, write_json
 from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
 from tmca.design.spectral_depth import bhattacharyya, confusion, drawn_error, kullback_leibler
 from tmca.evaluation.tables import repository_commit
@@ -98,8 +99,6 @@ def _row(advice: MaskAdvice, candidate: MaskCandidate) -> dict[str, Any]:
 
 def write_design(advice: MaskAdvice, record: dict[str, Any], out: Path, overwrite: bool) -> None:
     """Write a folder; everything is drawn before anything is written."""
-    from tmca.data import make_folder, write_json
-
     figures = {"fisher.png": _fisher(advice.candidates), "distances.png": _distances(advice.candidates)}
     for design in advice.candidates:
         figures |= {
