@@ -16,10 +16,8 @@ from torch import Tensor
 from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
-from tmca.cameras import CAMERAS, holds_snapshot, load_cameras
+from tmca.cameras import CAMERAS, load_cameras
 from tmca.data import read_dataset, read_scene
-from tmca.data.files import SUFFIXES
-from tmca.data.formats.opening import open_contents
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
@@ -50,7 +48,6 @@ class Application(ABC):
 
     kind: ClassVar[str]
     columns: ClassVar[Columns] = (("psnr", "PSNR (dB)", ".2f"),)  # of its metrics in tables
-    truth_options: ClassVar[frozenset[str]] = frozenset()  # arguments of ``truth`` that the command line may give
     codes: ClassVar[tuple[str, ...]] = ("codes",)  # names of ``code_figures``
     pictures: ClassVar[tuple[str, ...]] = (".png",)  # endings of ``figures``
     demo: ClassVar[Demo | None] = None  # its part of `tmca demo`
@@ -98,18 +95,8 @@ class Application(ABC):
     # Scenes
 
     def read(self, source: str, **reading: Any) -> Scene:
-        """A scene from a file, or a rendered one by name, labelled; see `tmca.data.read_scene`.
-
-        Raises:
-            DataError: a snapshot, beside what `tmca.data.read_scene` raises.
-        """
-        if reading.get("variable") is None and _is_snapshot(Path(source)):
-            raise DataError(source, "a snapshot", "a scene", "name one, such as the scene that it is of")
+        """A scene from a file, or a rendered one by name, labelled; see `tmca.data.read_scene`."""
         return read_scene(source, self.kind, **reading)  # type: ignore[arg-type]
-
-    def reading_for(self, camera: Any) -> dict[str, Any]:
-        """Arguments of ``read`` that bring a scene to what a camera sees, beside its size."""
-        return {}
 
     def scene(self, given: Any, camera: Any, where: str = "scene") -> Scene:
         """A scene as `tmca.simulate` and `tmca.evaluate` take it, labelled.
@@ -247,14 +234,6 @@ class Application(ABC):
     ) -> dict[str, Figure | np.ndarray]:
         """Pictures of an estimate by the endings in ``pictures``; for ``.gif`` the views to walk over."""
         return {".png": self.figure(estimate, camera, truth, snapshot)}
-
-
-def _is_snapshot(path: Path) -> bool:
-    """Whether it is a labelled file of a snapshot, whose codes could be taken for a cube."""
-    if path.suffix.lower() not in SUFFIXES or not path.exists():
-        return False
-    with open_contents(path) as contents:
-        return holds_snapshot({*contents.arrays})
 
 
 def application_of(camera: Camera | str) -> Application:

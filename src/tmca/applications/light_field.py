@@ -94,7 +94,6 @@ class LightFieldApplication(Application):
 
     kind = "light-field"
     columns = METRICS[:2]
-    truth_options = frozenset({"scale", "pattern", "lens"})
     codes = ("codes", "rays")
     pictures = (".png", "_refocus.png", ".gif")
     demo = LightFieldDemo()

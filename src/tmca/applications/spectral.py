@@ -108,7 +108,6 @@ class SpectralApplication(Application):
 
     kind = "spectral"
     columns = METRICS
-    truth_options = frozenset({"wavelengths", "variable", "scale", "negative"})
     demo = SpectralDemo()
 
     def labelled(self, scene: Any, where: str) -> xr.DataArray:

@@ -105,10 +105,6 @@ class SpectralDepthApplication(Application):
     codes = ("codes", "psf")
     demo = SpectralDepthDemo()
 
-    def reading_for(self, camera: Any) -> dict[str, Any]:
-        """See ``Application``: bands and depth range."""
-        return reading_range(camera)
-
     def labelled(self, scene: Any, where: str) -> xr.Dataset:
         return as_depth_scene(scene, where)
 

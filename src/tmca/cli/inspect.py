@@ -57,8 +57,8 @@ def _lines(description: dict[str, Any]) -> list[str]:
 
     prior = is_prior(description)
     camera = str(description.get("attrs", {}).get("camera", ""))
-    named, variables = camera not in ("", *CAMERA_SPECS), description.get("variables", {}).keys()
-    captured = {"snapshot", "aperture", "shutter"} <= variables or (named and "snapshot" in variables)
+    named, variables = camera not in ("", *CAMERA_SPECS), description.get("variables", {})
+    captured = "snapshot" in variables and (named or "shutter" in variables)
     about = str(description.get("attrs", {}).get("kind", ""))
     kind = f"{about} prior of scene blocks".strip() if prior else about or description["kind"]
     if captured:

@@ -78,6 +78,7 @@ def read_light_field(
     with open_light_field(path, pattern, lens) as contents:
         stored = find_light_field(contents, variable)
         if stored is None:
+            contents.refuse_snapshot()
             raise no_light_field(contents, variable)
         return load_views(contents, stored, views=views, crop=crop, scale=scale, colour=colour)
 

@@ -122,6 +122,11 @@ class Contents:
         remedy = "choose it with variable= (--variable)"
         raise DataError(self.path, f"{len(candidates)} arrays that could be the {name} ({names})", "one", remedy)
 
+    def refuse_snapshot(self) -> None:
+        """Raises DataError for a file of a snapshot, whose codes could be taken for a scene."""
+        if self.labelled and {"snapshot", "shutter"} <= {*self.arrays}:
+            raise DataError(self.path, "a snapshot", "a scene", "name one, such as the scene that it is of")
+
     def listing(self) -> str:
         """The first arrays with their shapes, for messages."""
         named = [f"{s.name} {s.shape}" if s.numeric else f"{s.name} of type {s.dtype}" for s in self.arrays.values()]

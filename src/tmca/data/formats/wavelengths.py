@@ -249,6 +249,7 @@ def find_cube(contents: Contents, variable: str | None, count: int | None) -> St
             found = f"variable {stored.name!r} of shape {stored.shape}"
             raise DataError(contents.path, found, "a spectral cube of three axes", _NO_CUBE)
         return stored
+    contents.refuse_snapshot()
     cubes = [s for s in contents.arrays.values() if s.numeric and len(s.shape) == 3 and s.size]
     likelier = (
         [s for s in cubes if s.name in MAIN],
