@@ -10,8 +10,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 from tests.fuzz import campaign
-from tests.fuzz.kinds import KINDS
-from tests.fuzz.rooms import load_kinds
+from tests.fuzz.kinds import KINDS, load_kinds
 from tests.fuzz.server import HEAVY, Verdict, prepare
 
 REGRESSIONS = Path(__file__).parent / "regressions"

@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tests.fuzz.kinds import kind
+from tmca.dbd import read_scenario, simulate
+from tmca.dbd.files import load_problem, save_problem
+from tmca.dbd.model import Units
 
 
 def _problem(path: Path) -> None:
-    from dataclasses import replace
-
-    from tmca.dbd import simulate
-    from tmca.dbd.files import save_problem
-    from tmca.dbd.model import Units
-
     problem = simulate(5, 3, 2, 1, 1, snr_db=20.0)
     save_problem(replace(problem, units=Units(1e-6, 2e5, 77e9)), path)
 
 
 def _samples(path: Path) -> None:
-    from tmca.dbd import simulate
-
     problem = simulate(5, 3, 2, 1, 1, snr_db=20.0)
     radar, link = problem.sources
     np.savez(
         path, y=problem.y[0], basis_radar=radar.rows[0], basis_communications=link.rows, sigma=0.1, weight_radar=1.5,
         message_communications=link.message, delay_s=1e-6, doppler_hz=2e5, carrier_hz=77e9,
     )  # fmt: skip
-
-
-def _read(path: Path) -> Any:
-    from tmca.dbd.files import load_problem
-
-    return load_problem(path)
 
 
 def _scenario(path: Path) -> None:
@@ -48,11 +38,9 @@ def _scenario(path: Path) -> None:
 
 
 def _draw(path: Path) -> Any:
-    from tmca.dbd import read_scenario
-
     return read_scenario(path).draw().receive()
 
 
-kind("problem.nc", _problem, _read)
-kind("samples.npz", _samples, _read)
+kind("problem.nc", _problem, load_problem)
+kind("samples.npz", _samples, load_problem)
 kind("scenario.yaml", _scenario, _draw)

@@ -10,14 +10,41 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
+import torch
+from PIL import Image
 
 from tests.fuzz.kinds import kind
+from tests.fuzz.kinds_own import _snapshot, _spectral
+from tests.lab.calibration.test_buckets import two_buckets
+from tests.lab.calibration.test_file import version_0_1, whole
+from tests.lab.live.test_recording import CAMERA, shown
+from tests.lab.test_deploy import written_weights
+from tmca.data import read_array, write_json
+from tmca.lab.acquisition.captures import CaptureFrame, keep, read_captures, said_sources
+from tmca.lab.calibration.captures import taken_with
+from tmca.lab.calibration.file import load_calibration
+from tmca.lab.deploy import export_decoder, read_description
+from tmca.lab.display.codes import Terms, read_planes, read_table, table
+from tmca.lab.display.devices import DeviceDescription, device_named, response
+from tmca.lab.display.export import export_codes
+from tmca.lab.display.manifest import (
+    device_of,
+    exposed_whole,
+    frame_time,
+    placement_of,
+    read_export,
+    read_manifest,
+    shown_digest,
+)
+from tmca.lab.frames import read_frames
+from tmca.lab.ground_truth.spectra import read_spectra
+from tmca.lab.live import Recording, recorded
+from tmca.lab.loading import load_exported
+from tmca.lab.notes import date_of_frames
 
 
 def _calibration(path: Path, buckets: bool = False) -> None:
-    from tests.lab.calibration.test_buckets import two_buckets
-    from tests.lab.calibration.test_file import whole
-
     with tempfile.TemporaryDirectory() as folder:
         saved = (two_buckets() if buckets else whole()).save(Path(folder) / "bench").path
         assert saved is not None
@@ -25,8 +52,6 @@ def _calibration(path: Path, buckets: bool = False) -> None:
 
 
 def _calibration_1(path: Path) -> None:
-    from tests.lab.calibration.test_file import version_0_1
-
     with tempfile.TemporaryDirectory() as folder:
         saved = version_0_1(Path(folder))
         shutil.copy(saved.with_suffix(".nc"), path.with_suffix(".nc"))
@@ -34,8 +59,6 @@ def _calibration_1(path: Path) -> None:
 
 
 def _read_calibration(path: Path) -> Any:
-    from tmca.lab.calibration.file import load_calibration
-
     found = load_calibration(path)
     return found.parts, found.about, found.codes_seen
 
@@ -48,8 +71,6 @@ def _device(path: Path) -> None:
 
 
 def _read_device(path: Path) -> Any:
-    from tmca.lab.display.devices import device_named, response
-
     device = device_named(str(path))
     return device.model_dump(), response(device)
 
@@ -59,20 +80,14 @@ def _response(path: Path) -> None:
 
 
 def _read_response(path: Path) -> Any:
-    from tmca.lab.display.devices import DeviceDescription, response
-
     return response(DeviceDescription(name="slm", kind="lcos", size=(4, 4), bits=8, lut=str(path)))
 
 
 def _terms(path: Path) -> None:
-    from tmca.lab.display.codes import Terms, table
-
     path.write_text(table(Terms((4, 6), np.array([[1e-7, 2e-8], [3e-8, -1e-8]]), np.zeros(2))))
 
 
 def _read_terms(path: Path) -> Any:
-    from tmca.lab.display.codes import read_table
-
     terms = read_table(path)
     return terms.noll, terms.rms
 
@@ -82,16 +97,11 @@ def _spectra(path: Path) -> None:
 
 
 def _read_spectra(path: Path) -> Any:
-    from tmca.lab.ground_truth.spectra import read_spectra
-
     spectra = read_spectra(path)
     return spectra.nm, spectra.values, spectra.at(np.array([500.0, 600.0]), 20.0)
 
 
 def _frames(path: Path) -> None:
-    import tifffile
-    from PIL import Image
-
     path.mkdir()
     rng = np.random.default_rng(0)
     for n in range(2):
@@ -99,16 +109,7 @@ def _frames(path: Path) -> None:
         Image.fromarray(rng.integers(0, 4000, (6, 7), dtype=np.uint16)).save(path / f"frame_{n + 2}.png")
 
 
-def _read_frames(path: Path) -> Any:
-    from tmca.lab.frames import read_frames
-
-    return read_frames(path)
-
-
 def _capture(path: Path) -> None:
-    from tmca.data import write_json
-    from tmca.lab.acquisition.captures import CaptureFrame, keep
-
     record: dict[str, Any] = {
         "export": "shown", "export_sha256": "0" * 64, "shown_sha256": "0" * 64,
         "taken_with": {"gain": 1.0, "saturation": 4095.0, "driver": "mine"}, "frames": {},
@@ -121,11 +122,6 @@ def _capture(path: Path) -> None:
 
 
 def _read_capture(path: Path) -> Any:
-    from tmca.data import read_array
-    from tmca.lab.acquisition.captures import read_captures, said_sources
-    from tmca.lab.calibration.captures import taken_with
-    from tmca.lab.notes import date_of_frames
-
     record = read_captures(path)
     said = taken_with(path), date_of_frames([path]), said_sources(path)
     return record, said, [read_array(path / f"{name}.tif") for name in record["frames"]]
@@ -134,9 +130,6 @@ def _read_capture(path: Path) -> Any:
 @functools.cache
 def _exported(name: str) -> Path:
     """The folder of an exported decoder in a format."""
-    from tests.lab.test_deploy import written_weights
-    from tmca.lab.deploy import export_decoder
-
     folder = Path(tempfile.mkdtemp())
     export_decoder(written_weights(folder, kind="unet"), folder / "out", (name,))
     return folder / "out"
@@ -147,10 +140,6 @@ def _decoder(path: Path) -> None:
 
 
 def _read_decoder(path: Path) -> Any:
-    import torch
-
-    from tmca.lab.loading import load_exported
-
     return load_exported(path)(torch.full((1, 1, 24, 24), 0.5))
 
 
@@ -160,17 +149,10 @@ def _description(path: Path) -> None:
 
 
 def _read_description(path: Path) -> Any:
-    from tmca.lab.deploy import read_description
-
     return read_description(path).model_dump()
 
 
 def _export(path: Path) -> None:
-    from tests.fuzz.kinds_own import _snapshot, _spectral
-    from tmca.lab.display.codes import read_planes
-    from tmca.lab.display.devices import DeviceDescription
-    from tmca.lab.display.export import export_codes
-
     with tempfile.TemporaryDirectory() as folder:
         _response(Path(folder) / "response.csv")
         codes = read_planes(_snapshot(_spectral(buckets=2)).save(Path(folder) / "taken.nc"))
@@ -182,8 +164,6 @@ def _export(path: Path) -> None:
 
 
 def _read_export(path: Path) -> Any:
-    from tmca.lab.display.manifest import read_export
-
     return read_export(path).planes
 
 
@@ -194,15 +174,6 @@ def _manifest(path: Path) -> None:
 
 
 def _read_manifest(path: Path) -> Any:
-    from tmca.lab.display.manifest import (
-        device_of,
-        exposed_whole,
-        frame_time,
-        placement_of,
-        read_manifest,
-        shown_digest,
-    )
-
     manifest = read_manifest(path.parent)
     devices = [device_of(plane, path).model_dump() for plane in manifest["planes"]]
     placed = [vars(placement_of(plane, path)) for plane in manifest["planes"]]
@@ -210,17 +181,12 @@ def _read_manifest(path: Path) -> Any:
 
 
 def _recording(path: Path) -> None:
-    from tests.lab.live.test_recording import CAMERA, shown
-    from tmca.lab.live import Recording
-
     with Recording(path, CAMERA, estimates=True) as recording:
         for number in range(3):
             recording.add(shown(number))
 
 
 def _read_recording(path: Path) -> Any:
-    from tmca.lab.live import recorded
-
     return list(recorded(path))
 
 
@@ -231,7 +197,7 @@ kind("device.yaml", _device, _read_device)
 kind("response.csv", _response, _read_response)
 kind("terms.csv", _terms, _read_terms)
 kind("spectra.csv", _spectra, _read_spectra)
-kind("frames", _frames, _read_frames)
+kind("frames", _frames, read_frames)
 kind("capture", _capture, _read_capture)
 kind("decoder.pt2", _decoder, _read_decoder)
 kind("described-decoder", _description, _read_description)

@@ -9,8 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from tests.fuzz.kinds import kind
+from tmca.applications import evaluate
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera, camera_of
+from tmca.cameras.described import read_patterns
+from tmca.cameras.phase_codes import write_phase_codes
+from tmca.codes.files import write_codes
+from tmca.data import describe
+from tmca.decoders import Estimate, Weights, build_network, make_decoder
+from tmca.decoders.nets.build import build_depth_network
+from tmca.optics import PhaseMaskBench, Stroke
+from tmca.priors import GaussianMixturePrior, GaussianPrior, PatchDictionary, load_prior
+from tmca.sensor import Sensor
+from tmca.specs import LightFieldSpec, SpectralDepthSpec, SpectralSpec
 
 TESTS = Path(__file__).parents[1]
 BANDS = (450e-9, 550e-9, 650e-9)
@@ -18,33 +31,22 @@ NET = {"widths": [2, 3], "blocks": 1, "gather": 2}
 
 
 def _sensor() -> Any:
-    from tmca.sensor import Sensor
-
     return Sensor(read_noise=0.01, full_well=1e4, read_noise_electrons=3.0, bits=12)
 
 
 def _spectral(size: tuple[int, int] = (6, 7), **parts: Any) -> Any:
-    from tmca.cameras import SpectralCamera
-
     return SpectralCamera(BANDS, size, 2, sensor=_sensor(), **parts)
 
 
 def _coloured() -> Any:
-    import torch
-
     return _spectral(coloured=torch.rand(3, 6, 7, generator=torch.Generator().manual_seed(0)))
 
 
 def _views(**parts: Any) -> Any:
-    from tmca.cameras import LightFieldCamera
-
     return LightFieldCamera(3, (6, 7), 2, sensor=_sensor(), **parts)
 
 
 def _depth(**parts: Any) -> Any:
-    from tmca.cameras import SpectralDepthCamera
-    from tmca.optics import PhaseMaskBench
-
     bench = PhaseMaskBench(diameter=0.5e-3, window=(3, 3), mask_pixels=8)
     return SpectralDepthCamera(
         BANDS, (6, 7), 2, planes=2, bench=bench, filters="gaussian", period=2, modes=3,
@@ -57,8 +59,6 @@ def _blurred() -> Any:
 
 
 def _scene(camera: Any, colours: int = 1) -> tuple[Any, ...]:
-    import torch
-
     source = torch.Generator().manual_seed(1)
     scene = torch.rand(colours, *camera.scene_shape, generator=source)
     depth = torch.full((colours, 1, *camera.size), 0.8)
@@ -66,8 +66,6 @@ def _scene(camera: Any, colours: int = 1) -> tuple[Any, ...]:
 
 
 def _snapshot(camera: Any, colours: int = 1) -> Any:
-    from tmca.cameras import Snapshot
-
     notes = {"scene": "random", "noise_seed": 3, "hardware": {"leakage": 0.1}, "scene_reading": '{"source": "coffee"}'}
     return Snapshot(camera(*_scene(camera, colours), generator=0), camera, notes)
 
@@ -78,8 +76,6 @@ def _take(make: Callable[[], Any], colours: int = 1) -> Callable[[Path], object]
 
 def _read_snapshot(path: Path) -> Any:
     """Loaded and, where that is quick, decoded, as a user does next."""
-    from tmca.cameras import Snapshot
-
     snapshot = Snapshot.load(path)
     camera = snapshot.camera
     state = {"codes": camera.codes(), "noise": camera.noise, "throughput": camera.throughput(), "text": repr(snapshot)}
@@ -106,45 +102,28 @@ for _name in ("spectral", "light-field", "spectral-depth"):
     kind(f"{_name}-snapshot-0-1.nc", _copied("cameras", "files", f"{_name}-0.1.nc"), _read_snapshot)
 
 
-def _describe(path: Path) -> Any:
-    from tmca.data import describe
-
-    return describe(path)
-
-
-kind("inspected-snapshot.nc", _take(_views), _describe)
+kind("inspected-snapshot.nc", _take(_views), describe)
 
 
 # Codes
 
 
 def _codes(path: Path, buckets: int = 1) -> None:
-    from tmca.codes.files import write_codes
-
     codes = _spectral((8, 9), period=4, buckets=buckets).codes
     notes = {"kind": "codes", "figure": 1.5}
     write_codes(path, codes.aperture.tile(), codes.shutter.tile(), (4, 4), notes, buckets=buckets)
 
 
 def _read_codes(path: Path) -> Any:
-    from tmca.cameras import camera_of
-    from tmca.specs import SpectralSpec
-
     camera = camera_of(SpectralSpec(codes=str(path)), bands=BANDS, size=(8, 9))
     return camera.codes(), camera.throughput(), camera.buckets
 
 
 def _phase_codes(path: Path) -> None:
-    from tmca.cameras.phase_codes import write_phase_codes
-    from tmca.optics import Stroke
-
     write_phase_codes(_depth(stroke=Stroke(-1e-6, 1e-6, 9)), path, "gaussian", "monochrome", {"seed": 1})
 
 
 def _read_phase_codes(path: Path) -> Any:
-    from tmca.cameras import camera_of
-    from tmca.specs import SpectralDepthSpec
-
     camera = camera_of(SpectralDepthSpec(codes=str(path)), bands=BANDS, size=(8, 9))
     return camera.codes(), camera.throughput(), dict(camera.state_dict())
 
@@ -154,8 +133,6 @@ def _patterns(path: Path) -> None:
 
 
 def _read_patterns(path: Path) -> Any:
-    from tmca.cameras.described import read_patterns
-
     return read_patterns(str(path), "shutter")
 
 
@@ -164,9 +141,6 @@ def _vignetting(path: Path) -> None:
 
 
 def _read_vignetting(path: Path) -> Any:
-    from tmca.cameras import camera_of
-    from tmca.specs import LightFieldSpec
-
     return dict(camera_of(LightFieldSpec(vignetting=str(path)), views=(3, 3), size=(6, 7)).state_dict())
 
 
@@ -181,39 +155,27 @@ kind("vignetting.npy", _vignetting, _read_vignetting)
 
 
 def _cubes(channels: int) -> list[Any]:
-    import torch
-
     return [torch.rand(channels, 9, 11, generator=torch.Generator().manual_seed(0))]
 
 
 def _gaussian(path: Path) -> None:
-    from tmca.priors import GaussianPrior
-
     GaussianPrior.learn(_cubes(3), (2, 4), wavelengths=BANDS, sources=["a", "b"]).save(path)
 
 
 def _whole_gaussian(path: Path) -> None:
-    from tmca.priors import GaussianMixturePrior
-
     settings = {"kinds": 2, "rank": 3, "gains": 2, "samples": 60, "wavelengths": BANDS}
     GaussianMixturePrior.learn(_cubes(3), (2, 4), **settings).component(0).save(path)
 
 
 def _mixture(path: Path) -> None:
-    from tmca.priors import GaussianMixturePrior
-
     GaussianMixturePrior.learn(_cubes(9), (2, 2), views=(3, 3), kinds=2, rank=3, gains=2, samples=60).save(path)
 
 
 def _dictionary(path: Path) -> None:
-    from tmca.priors import PatchDictionary
-
     PatchDictionary.learn(_cubes(9), (2, 3), views=(3, 3), atoms=4, coreset=30, rank=4, batch=10).save(path)
 
 
 def _read_prior(path: Path) -> Any:
-    from tmca.priors import load_prior
-
     prior = load_prior(path)
     return prior, prior.arrays(), prior.wavelengths, prior.attributes(), repr(prior)
 
@@ -231,10 +193,6 @@ for _name in ("gaussian", "mixture", "dictionary"):
 
 def _weights(make: Callable[[], Any], network: Callable[[Any], Any], prior: str = "") -> Callable[[Path], object]:
     def save(path: Path) -> None:
-        import torch
-
-        from tmca.decoders import Weights
-
         torch.manual_seed(0)
         camera = make()
         Weights.of(network(camera), camera, prior, {"best": {"psnr": 1.0}, "scenes": ["a"]}).save(path)
@@ -244,8 +202,6 @@ def _weights(make: Callable[[], Any], network: Callable[[Any], Any], prior: str 
 
 def _built(name: str, **settings: Any) -> Callable[[Any], Any]:
     def build(camera: Any) -> Any:
-        from tmca.decoders import build_network
-
         bands = int(np.prod(camera.scene_shape[:-2]))
         return build_network(name, bands=bands, start="dagger", **settings)
 
@@ -253,18 +209,11 @@ def _built(name: str, **settings: Any) -> Callable[[Any], Any]:
 
 
 def _two_headed(camera: Any) -> Any:
-    from tmca.decoders.nets.build import build_depth_network
-
     return build_depth_network({"start": "snapshot", **NET}, camera)
 
 
 def _read_bank(path: Path) -> Any:
     """The estimate by a bank, which is made where there is none."""
-    import torch
-
-    from tmca.decoders import make_decoder
-    from tmca.priors import GaussianPrior
-
     camera = _spectral((6, 20), period=2)
     scene = torch.rand(3, 12, 30, generator=torch.Generator().manual_seed(1))
     prior = GaussianPrior.learn([scene], (2, 5), wavelengths=BANDS)
@@ -273,8 +222,6 @@ def _read_bank(path: Path) -> Any:
 
 
 def _read_weights(path: Path) -> Any:
-    from tmca.decoders import Weights
-
     weights = Weights.load(path)
     camera, prior = weights.camera, weights.load_prior()
     return weights.network, camera.codes(), weights.card, weights.wavelengths, weights.slots, weights.period, prior
@@ -304,8 +251,6 @@ for _name in ("light-field", "spectral-depth"):
 
 def _estimate(make: Callable[[], Any], frames: int = 0) -> Callable[[Path], object]:
     def save(path: Path) -> None:
-        from tmca.decoders import Estimate
-
         camera = make()
         scene, *depth = _scene(camera)
         more = {"depth": depth[0], "confidence": depth[0] / 2} if depth else {"deviation": scene / 10}
@@ -324,8 +269,6 @@ def _estimate(make: Callable[[], Any], frames: int = 0) -> Callable[[Path], obje
 
 def _evaluate(make: Callable[[], Any]) -> Callable[[Path], Any]:
     def read(path: Path) -> Any:
-        from tmca.applications import evaluate
-
         camera = make()
         scene, *depth = _scene(camera)
         truth = camera.label(0.9 * scene).assign_attrs(source=f"truth of {path.name}", name=f"truth of {path.name}")
@@ -341,8 +284,6 @@ def _large() -> Any:
 
 
 def _large_views() -> Any:
-    from tmca.cameras import LightFieldCamera
-
     return LightFieldCamera(3, (12, 13), 1)
 
 

@@ -6,8 +6,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from tests.fuzz.kinds import kind
+from tests.fuzz.kinds_formats import _labelled
+from tmca.cameras import SpectralCamera
+from tmca.cli.design import _sheet as sheet
+from tmca.data import write_json
+from tmca.design import load_examples
+from tmca.evaluation import read_study
+from tmca.evaluation.grid import run_cells
+from tmca.optics.phase import Material
+from tmca.plots.curves import training_figure
+from tmca.priors import learn_prior
+from tmca.specs import Hardware, SheetSpec
+from tmca.training import training_settings
+from tmca.training.checkpoints import load_latest, save_checkpoint
+from tmca.training.folder import open_run
+from tmca.training.log import TrainingLog
+from tmca.training.patches import cached_array
+from tmca.training.scenes import SceneLists
 
 STUDY = """camera: spectral
 title: A study
@@ -61,49 +79,32 @@ def _text(text: str) -> Any:
 
 
 def _study(path: Path) -> Any:
-    from tmca.evaluation import read_study
-
     return read_study(path).model_dump()
 
 
 def _training(path: Path) -> Any:
-    from tmca.training import training_settings
-
     return training_settings("spectral", file=path).model_dump()
 
 
 def _sheet(path: Path) -> Any:
-    from tmca.cli.design import _sheet as sheet
-    from tmca.specs import SheetSpec
-
     return sheet(path, SheetSpec())
 
 
 def _hardware(path: Path) -> Any:
-    from tmca.specs import Hardware
-
     return Hardware.read(str(path)).faults()  # without the perfect contrast, which is infinite
 
 
 def _material(path: Path) -> Any:
-    from tmca.optics.phase import Material
-
     return Material.read(path).index([450e-9, 550e-9, 650e-9])
 
 
 def _parts() -> Any:
-    import torch
-
     torch.manual_seed(0)
     system = torch.nn.Conv2d(1, 2, 3)
     return system, {"decoder": torch.optim.AdamW(system.parameters())}
 
 
 def _checkpoint(path: Path) -> None:
-    import torch
-
-    from tmca.training.checkpoints import save_checkpoint
-
     system, optimizers = _parts()
     best = {"psnr": 20.0, "score": 20.0, "step": 3}
     for step in (3, 6):
@@ -114,10 +115,6 @@ def _checkpoint(path: Path) -> None:
 
 
 def _resume(path: Path) -> Any:
-    import torch
-
-    from tmca.training.checkpoints import load_latest
-
     system, optimizers = _parts()
     state = load_latest(path, system, optimizers)
     system(torch.ones(1, 1, 4, 4)).sum().backward()
@@ -126,35 +123,22 @@ def _resume(path: Path) -> Any:
 
 
 def _run(path: Path) -> None:
-    from tmca.training import training_settings
-    from tmca.training.folder import open_run
-    from tmca.training.scenes import SceneLists
-
     path.mkdir()
     open_run(path, training_settings("spectral", "quick"), SceneLists(("a",), ("b",)))
     _checkpoint(path / "checkpoints")
 
 
 def _open(path: Path) -> Any:
-    from tmca.training import training_settings
-    from tmca.training.folder import open_run
-    from tmca.training.scenes import SceneLists
-
     open_run(path, training_settings("spectral", "quick"), SceneLists(("a",), ("b",)))
 
 
 def _log(path: Path) -> None:
-    from tmca.training.log import TrainingLog
-
     log = TrainingLog(path)
     for step in (10, 20, 30):
         log.add(step, {"loss": 0.1 / step, "psnr": 20.0 + step})
 
 
 def _forget(path: Path) -> Any:
-    from tmca.plots.curves import training_figure
-    from tmca.training.log import TrainingLog
-
     log = TrainingLog(path)
     log.keep_until(25)
     training_figure(log.rows(), "mean squared error")
@@ -162,8 +146,6 @@ def _forget(path: Path) -> Any:
 
 
 def _cells(path: Path) -> Any:
-    from tmca.evaluation.grid import run_cells
-
     cells = [{"name": f"cell {number}", "seed": number} for number in range(3)]
     return run_cells(cells, _cell, path)
 
@@ -173,11 +155,6 @@ def _cell(cell: dict[str, Any]) -> dict[str, Any]:
 
 
 def _examples(path: Path) -> None:
-    from tests.fuzz.kinds_formats import _labelled
-    from tmca.cameras import SpectralCamera
-    from tmca.data import write_json
-    from tmca.priors import learn_prior
-
     path.mkdir()
     scene = _labelled()
     camera = SpectralCamera(scene.wavelength.values, scene.shape[1:])
@@ -186,8 +163,6 @@ def _examples(path: Path) -> None:
 
 
 def _load_examples(path: Path) -> Any:
-    from tmca.design import load_examples
-
     examples = load_examples(path)
     return examples.scenes, examples.areas, examples.peaks, examples.light, examples.most_light
 
@@ -197,8 +172,6 @@ def _cached(path: Path) -> None:
 
 
 def _mapped(path: Path) -> Any:
-    from tmca.training.patches import cached_array
-
     return np.array(cached_array(path, lambda: np.zeros((3, 4, 5), np.float32)))
 
 
