@@ -9,7 +9,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.grid import GridOptions
-from tmca.cli.options.numbers import Whole
+from tmca.cli.options.numbers import Whole, size
 from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 from tmca.specs import MeasuredReading
@@ -93,8 +93,6 @@ def light_field(
         seeds: how many codes and trainings, from --seed on.
         steps: optimiser steps of every network.
     """
-    from tmca.cli.options.numbers import size
-
     asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
     asked["frame"] = size(frame, "--frame")
     _run("light-field", out, work, grid, scenes=_scenes(train, test), reading=asked,
@@ -141,8 +139,6 @@ def spectral_depth(
         seeds: how many of them, from --seed on.
         steps: optimiser steps of a training.
     """
-    from tmca.cli.options.numbers import size
-
     reading = {"preset": preset, "side": side, "placed": placed, "from_rgb": from_rgb, "crop": size(crop, "--crop")}
     _run("spectral-depth", out, work, grid, scenes=_scenes(train, test), reading=reading, decoders=decoders.split(","),
          seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import MaybeWhole, On, Whole, numbers
-from tmca.cli.options.output import check_figure, check_targets, say
+from tmca.cli.options.output import Json, Overwrite, check_figure, check_targets, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import SettingError
 
@@ -41,7 +41,7 @@ def simulate(
     separation: str | None = None,
     known_waveforms: bool = False,
     model_only: bool = False,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write overlaid samples of a radar and a communications transmitter, with the bases and the truth.
 
@@ -66,7 +66,6 @@ def simulate(
         separation: of two points in at least one coordinate: one number, or DELAY,DOPPLER[,ANGLE].
         known_waveforms: every signal is known up to a factor.
         model_only: of a scenario: samples of the model instead of a simulation in the time domain.
-        overwrite: replace the file if it exists.
     """
     from tmca.data import check_target
     from tmca.dbd.files import save_problem
@@ -104,8 +103,8 @@ def solve(
     unknown_noise: bool = False,
     certify: On = True,
     figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Find the targets, the paths and both signals in FILE.
 
@@ -125,8 +124,6 @@ def solve(
         unknown_noise: estimate the noise, whatever the file says.
         certify: look for a dual certificate of a noiseless recovery.
         figure: picture of the delay-Doppler planes (PNG, PDF, SVG); the name of the recovery with .png without it.
-        overwrite: replace files that exist.
-        json: print JSON instead of a table.
     """
     from dataclasses import replace
 
@@ -168,8 +165,8 @@ def study(
     jobs: Whole = 1,
     certify: bool = False,
     tolerance: float | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Phase transitions: how often recoveries succeed, `--vary L=1,2,3,4 --vary J=1,2,3`.
 
@@ -186,8 +183,6 @@ def study(
         jobs: processes side by side.
         certify: look for dual certificates as well.
         tolerance: largest error of a success; without noise 1e-6, with noise half of the finest resolution cell.
-        overwrite: replace results that exist.
-        json: print JSON instead of the table.
     """
     from tmca.cli.studies import study_module
     from tmca.cli.sweep import named_values
@@ -210,7 +205,7 @@ def report(
     work: Path = Path("runs/dbd-report"),
     draws: MaybeWhole = None,
     jobs: Whole = 1,
-    overwrite: bool = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """The results page of this package: fixed instances, limits, noise, extensions, phase transitions, cost.
 
@@ -221,7 +216,6 @@ def report(
         work: folder of finished draws.
         draws: fewer problems than the page has, for a quick look.
         jobs: processes side by side.
-        overwrite: replace results that exist.
     """
     from tmca.cli.studies import study_module
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as jsons
+from dataclasses import asdict
 from typing import Any
 
 
@@ -15,10 +16,7 @@ def table(plugins: bool = True) -> list[dict[str, Any]]:
         {
             "name": name, "label": cls.label, "cameras": sorted(cls.cameras), "prior": cls.prior_kind,
             "uncertainty": cls.deviation, "moving": cls.moving,
-            "settings": [
-                {"name": one.name, "type": one.type, "default": one.default, "help": one.help}
-                for one in settings_of(cls)
-            ],
+            "settings": [asdict(one) for one in settings_of(cls)],
         }
         for name, cls in sorted(decoders().items())
         if plugins or cls.__module__.startswith("tmca.")

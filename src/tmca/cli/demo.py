@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
+from tmca.cli.options.numbers import size as parsed_size
+from tmca.cli.options.output import Json, Overwrite, say
+from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError
 
 
@@ -15,21 +15,15 @@ def demo(
     *,
     out: Path = Path("tmca-demo"),
     size: str = "192x256",
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Rendered scenes → snapshots with a static and a time-multiplexed code → reconstructions, table, HTML report.
 
     Args:
         out: folder for snapshots, reconstructions, pictures and report.html.
         size: HEIGHTxWIDTH of the scenes.
-        overwrite: replace the results of an earlier demo.
-        json: print the table as JSON.
     """
-    from tmca.cli.options.numbers import size as parsed_size
-    from tmca.cli.options.output import say
-    from tmca.cli.progress import progress_bar
-
     if out.exists() and not out.is_dir():
         raise OutputError(out, "a file", "a folder or a new name", "choose another --out")
     wanted = parsed_size(size)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, READING, group, scenes_of
 from tmca.cli.options.numbers import Whole, size, whole_numbers
-from tmca.cli.options.output import check_figure, say
+from tmca.cli.options.output import Json, Overwrite, check_figure, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.specs import (
@@ -31,13 +32,33 @@ app = App(name="design", help="Find codes for a sensor, and say what they gain b
 SHEET, SEARCH, MASKS = group("Sensor and modulator", 2), group("Search", 3), group("Camera", 1)
 _CUBE, _VIEWS, _SHEET, _BENCH = CubeReading(), LightFieldsReading(), SheetSpec(), PhaseBenchSpec()
 _SEARCH, _MASK_SEARCH, _MASK_CAMERA = CodeSearchSpec(), MaskSearchSpec(), MaskCameraSpec()
+_SENSOR = "YAML file with the names of the sensor and modulator; options replace its values."
+Sensor = Annotated[Path | None, Parameter(help=_SENSOR)]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class DesignOptions:
+    """Where a design goes, and the sensor that it is for."""
+
+    out: Path = Path("tmca-design")
+    "Folder of the results."
+    sensor: Sensor = None
+    overwrite: Overwrite = False
+    json: Json = False
+
+    def how(self, sheet: SheetSpec) -> dict[str, Any]:
+        """Arguments of a search for the sensor, whose values ``sheet`` replaces."""
+        command = ["tmca", *sys.argv[1:]]
+        return {"sheet": _sheet(self.sensor, sheet), "out": self.out, "overwrite": self.overwrite, "command": command}
+
+
+_DESIGN = DesignOptions()
 
 
 @app.command
 def spectral(
     *scenes: str,
-    out: Path = Path("tmca-design"),
-    sensor: Path | None = None,
     split: Path | None = None,
     bands: Whole = 12,
     dispersion: str | None = None,
@@ -46,8 +67,7 @@ def spectral(
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
     reading: Annotated[CubeReading, READING] = _CUBE,
-    overwrite: bool = False,
-    json: bool = False,
+    run: DesignOptions = _DESIGN,
 ) -> None:
     """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.
 
@@ -56,35 +76,28 @@ def spectral(
 
     Args:
         scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
-        out: folder of the results.
-        sensor: YAML file with the names of the sensor and modulator; options replace its values.
         split: split file whose scenes are added.
         bands: nearest to even spacing from 400 to 700 nm.
         dispersion: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: single or dual. [default: single]
         period: tile of the codes, pixels.
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.reports.cameras import design_spectral
 
     about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser), "period": period}
-    _search_codes(design_spectral, out, sensor, sheet, scenes_of(scenes, split), search, overwrite, json, about)
+    _search_codes(design_spectral, run, search, scenes=scenes_of(scenes, split), **about, **run.how(sheet))
 
 
 @app.command
 def light_field(
     *scenes: str,
-    out: Path = Path("tmca-design"),
-    sensor: Path | None = None,
     split: Path | None = None,
     shear: str | None = None,
     period: Whole = 16,
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
     reading: Annotated[LightFieldsReading, READING] = _VIEWS,
-    overwrite: bool = False,
-    json: bool = False,
+    run: DesignOptions = _DESIGN,
 ) -> None:
     """Recommend the number of slots and the codes of a light-field camera for a sensor and SCENES like those to come.
 
@@ -92,33 +105,26 @@ def light_field(
 
     Args:
         scenes: light fields to design for, two at least to judge the gain; the rendered ones without any.
-        out: folder of the results.
-        sensor: YAML file with the names of the sensor and modulator; options replace its values.
         split: split file whose scenes are added.
         shear: mask pixels per view, one number or ALONG_Y,ALONG_X. [default: 1]
         period: tile of the codes, pixels.
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.data.light_field_scenes import Reading
     from tmca.reports.cameras import design_light_field
 
     camera = {} if shear is None else spec_of(LightFieldSpec, {"shear": shear}).arguments()
     about = {"views": reading.views, "reading": Reading(**reading.files()), "camera": camera, "period": period}
-    _search_codes(design_light_field, out, sensor, sheet, scenes_of(scenes, split), search, overwrite, json, about)
+    _search_codes(design_light_field, run, search, scenes=scenes_of(scenes, split), **about, **run.how(sheet))
 
 
 @app.command
 def spectral_depth(
     *scenes: str,
-    out: Path = Path("tmca-design"),
-    sensor: Path | None = None,
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     camera: Annotated[MaskCameraSpec, MASKS] = _MASK_CAMERA,
     bench: Annotated[PhaseBenchSpec, BENCH] = _BENCH,
     search: Annotated[MaskSearchSpec, SEARCH] = _MASK_SEARCH,
-    overwrite: bool = False,
-    json: bool = False,
+    run: DesignOptions = _DESIGN,
 ) -> None:
     """Recommend the number of slots and the phase masks that tell depths apart best, for a sensor and a bench.
 
@@ -127,44 +133,27 @@ def spectral_depth(
 
     Args:
         scenes: cubes or rendered scenes whose patches the scenes to come are like; the rendered ones without any.
-        out: folder of the results.
-        sensor: YAML file with the names of the sensor and modulator; options replace its values.
-        overwrite: replace files that exist.
-        json: print JSON instead of text.
     """
     from tmca.design import MaskEffort
     from tmca.reports.mask_page import COLUMNS
     from tmca.reports.masks import design_spectral_depth
 
     how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
-    how |= {"bench": bench.arguments(), "overwrite": overwrite, "command": ["tmca", *sys.argv[1:]]}
-    with progress_bar(f"design {out.name}") as progress:
-        _, report = design_spectral_depth(_sheet(sensor, sheet), out, scenes=scenes, progress=progress, **how)
-    _told(report, report["designs"], COLUMNS, out, json)
+    how |= {"bench": bench.arguments(), **run.how(sheet)}
+    with progress_bar(f"design {run.out.name}") as progress:
+        _, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
+    _told(report, report["designs"], COLUMNS, run)
 
 
-def _search_codes(
-    design: Any,
-    out: Path,
-    sensor: Path | None,
-    sheet: SheetSpec,
-    scenes: list[str],
-    search: CodeSearchSpec,
-    overwrite: bool,
-    json: bool,
-    about: dict[str, Any],
-) -> None:
+def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.design import SURVEY
     from tmca.reports.codes import COLUMNS
 
-    effort = SURVEY if search.quick else None
-    how = {**search.model_dump(exclude={"quick"}), "effort": effort, "overwrite": overwrite, **about}
-    with progress_bar(f"design {out.name}") as progress:
-        _, report = design(
-            _sheet(sensor, sheet), out, scenes=scenes, progress=progress, command=["tmca", *sys.argv[1:]], **how
-        )
-    _told(report, [*report["designs"], *report["surveyed"]], COLUMNS, out, json)
+    how |= {**search.model_dump(exclude={"quick"}), "effort": SURVEY if search.quick else None}
+    with progress_bar(f"design {run.out.name}") as progress:
+        _, report = design(progress=progress, **how)
+    _told(report, [*report["designs"], *report["surveyed"]], COLUMNS, run)
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -194,11 +183,11 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
-def _told(report: dict[str, Any], rows: list[Any], columns: Any, out: Path, json: bool) -> None:
+def _told(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions) -> None:
     """The advice as a table and a sentence, or as JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    say(report, json, markdown_table(rows, columns), report["advice"], f"open {out / 'design.html'}")
+    say(report, run.json, markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}")
 
 
 @app.command
@@ -210,11 +199,11 @@ def judge(
     dispersion: str | None = None,
     disperser: str | None = None,
     prior: Path | None = None,
-    sensor: Path | None = None,
+    sensor: Sensor = None,
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     figure: Path | None = None,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Judge codes without a decoder: light, contrast and levels, likeness of bands, singular values, coherence.
 
@@ -224,9 +213,7 @@ def judge(
         dispersion: for codes.nc: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: for codes.nc: single or dual. [default: single]
         prior: file of `tmca prior learn`: also say the expected PSNR under it, for the sensor or that of the snapshot.
-        sensor: YAML file with the names of the sensor and modulator; options replace its values.
         figure: write levels, correlations and singular values as a picture (PNG).
-        overwrite: replace the picture if it exists.
         json: print JSON, with all levels, correlations and singular values.
     """
     from tmca.reports.judged import judge_codes
@@ -264,8 +251,8 @@ def study(
     steps: Whole = 0,
     seeds: Whole = 1,
     jobs: Whole = 1,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Where time multiplexing pays: designed and random codes over read noise, full well and number of slots.
 
@@ -285,8 +272,6 @@ def study(
         steps: of an unrolled network for each code at the corners and each code whose order is checked; none with 0.
         seeds: of codes and noise on the test scenes.
         jobs: processes side by side.
-        overwrite: replace results that exist.
-        json: print JSON instead of text.
     """
     from tmca.cli.studies import study_module
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import assumed, check_figure, meaning, say
+from tmca.cli.options.output import Json, Overwrite, assumed, check_figure, meaning, say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -25,8 +25,8 @@ def evaluate(
     reading: Annotated[TruthReading, READING] = _SCENE,
     frames: int | None = None,
     figure: Path | None = None,
-    overwrite: Annotated[bool, Parameter(negative="")] = False,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
 
@@ -40,8 +40,6 @@ def evaluate(
         frames: of equal length within the exposure, with each of which a still estimate of a scene that moved is
             compared; the middle of the exposure without it.
         figure: write a picture of both with error map and spectra (PNG).
-        overwrite: replace the picture if it exists.
-        json: print JSON instead of text.
     """
     from tmca.applications.imaging import application_for, evaluation_of
     from tmca.plots.style import save_figure

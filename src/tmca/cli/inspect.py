@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import check_figure, say
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, say
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
 _VIEWS = ViewsReading()
@@ -18,10 +18,10 @@ def inspect(
     *,
     variable: str | None = None,
     conditioning: bool = False,
-    figure: Path | None = None,
+    figure: Figure = None,
     reading: Annotated[ViewsReading, READING] = _VIEWS,
-    overwrite: bool = False,
-    json: bool = False,
+    overwrite: Overwrite = False,
+    json: Json = False,
 ) -> None:
     """Say what FILE holds: variables, size, wavelengths or views, range of values, and for a snapshot its camera.
 
@@ -30,9 +30,6 @@ def inspect(
             nyuv2/00050), capture, snapshot, prior or any array file.
         variable: which one, where the file holds several.
         conditioning: for a snapshot file, rank, condition number and coherence of a corner of its matrix.
-        figure: write a picture of it (PNG).
-        overwrite: replace the picture if it exists.
-        json: print JSON instead of text.
     """
     from tmca.data import describe
 

@@ -9,7 +9,8 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import CAMERA, READING, SENSOR, scenes_of
 from tmca.cli.options.numbers import MaybeWhole, Whole
-from tmca.cli.options.output import check_figure, say
+from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, say
+from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CubeReading, LightFieldsReading, SensorSpec, SpectralSpec
 
@@ -29,8 +30,8 @@ def learn(
     extent: Annotated[MaybeWhole, Parameter(name="--spread")] = None,
     like: Path | None = None,
     reading: Annotated[CubeReading, READING] = _CUBE,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
     seed: Whole = 0,
 ) -> None:
     """Learn a prior from SCENES: cube files, or names of rendered scenes.
@@ -46,12 +47,9 @@ def learn(
         all_bands: keep every band of the files instead.
         extent: pixels between the first and the last band on the sensor; one per band without it, 54 with --any-bands.
         like: snapshot of the spectral-depth camera, for whose bands and point spread functions the prior is.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
         seed: of the random blocks.
     """
     from tmca.applications.prior_files import cube_reader, write_prior
-    from tmca.cli.progress import progress_bar
 
     check_figure(figure, overwrite)
     if any_bands and mixture:
@@ -76,8 +74,8 @@ def learn_views(
     split: Path | None = None,
     mixture: bool = False,
     reading: Annotated[LightFieldsReading, READING] = _VIEWS,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
     seed: Whole = 0,
 ) -> None:
     """Learn a prior of LIGHT_FIELDS, or a dictionary of their patches: folders of views, files, or rendered scenes.
@@ -89,12 +87,9 @@ def learn_views(
         atoms: of the dictionary.
         mixture: a Gaussian mixture instead of one Gaussian.
         split: a split file whose light fields are added.
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
         seed: of the patches that a dictionary or a mixture learns from.
     """
     from tmca.applications.prior_files import write_prior
-    from tmca.cli.progress import progress_bar
     from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 
     check_figure(figure, overwrite)
@@ -117,13 +112,12 @@ def learn_views(
 
 
 @app.command
-def show(prior: Path, /, *, out: Path | None = None, overwrite: bool = False) -> None:
+def show(prior: Path, /, *, out: Path | None = None, overwrite: Overwrite = False) -> None:
     """Draw PRIOR: leading eigen-blocks, eigenvalues, mean spectrum.
 
     Args:
         prior: file written by `tmca prior learn`.
         out: PNG to write; the prior's name with .png without it.
-        overwrite: replace it if it exists.
     """
     from tmca.applications.file_pictures import picture_of
 
@@ -137,13 +131,12 @@ def expect(
     *,
     camera: Annotated[SpectralSpec, CAMERA] = _CAMERA,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
-    json: bool = False,
+    json: Json = False,
 ) -> None:
     """The error that a code is expected to leave, under PRIOR, before anything is captured.
 
     Args:
         prior: Gaussian prior file.
-        json: print JSON instead of text.
     """
     from tmca.applications.prior_files import expected
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from tmca.cli.options.numbers import Whole, whole
+from tmca.cli.options.numbers import MaybeWhole, Whole, pair
+from tmca.cli.options.numbers import size as parsed_size
+from tmca.cli.options.output import Figure, Overwrite, check_figure
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -22,10 +22,10 @@ def render(
     size: str | None = None,
     illuminant: str | None = None,
     seed: Whole = 0,
-    views: Annotated[int | None, Parameter(converter=whole)] = None,
+    views: MaybeWhole = None,
     disparity: str | None = None,
-    figure: Path | None = None,
-    overwrite: bool = False,
+    figure: Figure = None,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write a rendered SCENE: radiance and reflectance in 31 bands of 400–700 nm, illuminant, depth.
 
@@ -39,11 +39,7 @@ def render(
         seed: of the metamers; of a light field's arrangement.
         views: n for a light field of n×n views, n odd.
         disparity: LOWEST,HIGHEST of a light field, px per view. [default: -2,2]
-        figure: write a picture of it (PNG).
-        overwrite: replace files that exist.
     """
-    from tmca.cli.options.numbers import size as parsed_size
-    from tmca.cli.options.output import check_figure
     from tmca.data import check_target, write_dataset
 
     check_figure(figure, overwrite)
@@ -68,7 +64,6 @@ def _rendered(
     disparity: str | None,
 ) -> xr.Dataset:
     """The spectral scene, or the light field where views are asked for."""
-    from tmca.cli.options.numbers import pair
     from tmca.data import rendered_light_field, rendered_scene
 
     if views is None:

@@ -12,6 +12,7 @@ from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, CameraChoice, Fault
 from tmca.cli.options.numbers import Whole, pair, size
 from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets, say
 from tmca.cli.progress import progress_bar
+from tmca.cli.sweep import one_value
 from tmca.errors import SettingError
 from tmca.specs import (
     CubeReading,
@@ -31,6 +32,9 @@ _OUTPUT, _SENSOR = OutputOptions(), SensorSpec()
 _CUBE, _VIEWS, _DEPTH = CubeReading(), LightFieldReading(), DepthReading()
 _SPECTRAL, _LIGHT_FIELD, _SPECTRAL_DEPTH = SpectralSpec(), LightFieldSpec(), SpectralDepthSpec()
 _PLACE, _BENCH = MaskPlaceSpec(), PhaseBenchSpec()
+_CALIBRATION = """Of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
+newest. The snapshot is what that camera takes; reconstruct it with the same --calibration."""
+Calibration = Annotated[Path | None, Parameter(help=_CALIBRATION)]
 
 
 @app.command
@@ -40,7 +44,7 @@ def spectral(
     bands: Whole = 12,
     all_bands: bool = False,
     motion: str | None = None,
-    calibration: Path | None = None,
+    calibration: Calibration = None,
     reading: Annotated[CubeReading, READING] = _CUBE,
     camera: Annotated[SpectralSpec, CAMERA] = _SPECTRAL,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
@@ -58,8 +62,6 @@ def spectral(
         bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
         all_bands: keep every band of the file instead.
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
-        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
-            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
@@ -75,7 +77,7 @@ def light_field(
     /,
     *,
     crop: str | None = None,
-    calibration: Path | None = None,
+    calibration: Calibration = None,
     reading: Annotated[LightFieldReading, READING] = _VIEWS,
     camera: Annotated[LightFieldSpec, CAMERA] = _LIGHT_FIELD,
     bench: Annotated[MaskPlaceSpec, BENCH] = _PLACE,
@@ -91,8 +93,6 @@ def light_field(
     Args:
         scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
         crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
-        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
-            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     choice = CameraChoice(camera, sensor, bench)
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
@@ -107,7 +107,7 @@ def spectral_depth(
     /,
     *,
     crop: str | None = None,
-    calibration: Path | None = None,
+    calibration: Calibration = None,
     reading: Annotated[DepthReading, READING] = _DEPTH,
     camera: Annotated[SpectralDepthSpec, CAMERA] = _SPECTRAL_DEPTH,
     bench: Annotated[PhaseBenchSpec, BENCH] = _BENCH,
@@ -124,8 +124,6 @@ def spectral_depth(
         scene: a rendered scene such as motorcycle, a file or folder with a cube and its depth, an RGB-D scene with
             --from-rgb, or a cube with --placed.
         crop: HEIGHTxWIDTH, the middle of the scene.
-        calibration: of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
-            newest. The snapshot is what that camera takes; reconstruct it with the same --calibration.
     """
     from tmca.applications.unknown_depth import TOTAL, said_unknown
 
@@ -162,7 +160,6 @@ def any_camera(
     """
     from tmca.applications import application_of
     from tmca.cameras import CAMERAS
-    from tmca.cli.sweep import named_values
     from tmca.data.fitting import middle_of
     from tmca.sensor import Sensor
 
@@ -174,8 +171,7 @@ def any_camera(
     application, middle = application_of(kind), size(crop, "--crop")
     if not scenes:
         raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
-    texts = {name: values[0] for name, values in named_values(set_ or (), "--set").items()}
-    how: dict[str, Any] = {**application.settings_of(texts), "sensor": Sensor(**sensor.model_dump())}
+    how: dict[str, Any] = {**application.settings_of(one_value(set_)), "sensor": Sensor(**sensor.model_dump())}
     read: list[Any] = [application.read(name) for name in scenes]
     read = [one if middle is None else middle_of(one, middle, name) for one, name in zip(read, scenes, strict=True)]
     camera = CAMERAS[kind](**application.parts(read[0]), **how)

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING, scenes_of
 from tmca.cli.options.grid import GridOptions
-from tmca.cli.options.numbers import Whole
+from tmca.cli.options.numbers import Whole, size
 from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
@@ -58,7 +58,6 @@ def spectral(
         bands: bands, nearest to even spacing from 400 to 700 nm.
         crop: HEIGHTxWIDTH, the middle of the scenes.
     """
-    from tmca.cli.options.numbers import size
     from tmca.data import split_rendered
 
     named = scenes_of(scenes, test) or sorted(split_rendered()["test"])
@@ -99,7 +98,6 @@ def light_field(
         set_: NAME=VALUE of the same names for all cells.
         crop: HEIGHTxWIDTH, the middle of the light fields.
     """
-    from tmca.cli.options.numbers import size
     from tmca.data import split_rendered_light_fields
 
     named = scenes_of(scenes, test) or sorted(split_rendered_light_fields()["test"])
@@ -149,7 +147,6 @@ def spectral_depth(
         from_rgb: make up spectra of measured reflectances for RGB-D scenes.
         placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
     """
-    from tmca.cli.options.numbers import size
     from tmca.data import split_rendered
     from tmca.training.scenes import named_scenes
 
@@ -190,7 +187,6 @@ def any_camera(
         crop: HEIGHTxWIDTH, the middle of the scenes.
     """
     from tmca.applications import application_of
-    from tmca.cli.options.numbers import size
 
     if kind is None:
         from tmca.cli.app import app as whole
@@ -211,15 +207,14 @@ def _run(
     """Sweep, and print the page."""
     from tmca.evaluation.sweep import Sweep, run_sweep
 
-    axes, settled = _axes(vary, fixed)
+    axes, settled = named_values(vary, "--vary"), one_value(fixed)
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
     say(found, grid.json, out.with_suffix(".md").read_text())
 
 
-def _axes(vary: Sequence[str], fixed: Sequence[str] | None) -> tuple[dict[str, list[str]], dict[str, str]]:
-    """Settings that are varied, and those of all cells."""
-    settled = named_values(fixed or (), "--set")
-    return named_values(vary, "--vary"), {name: values[0] for name, values in settled.items()}
+def one_value(texts: Sequence[str] | None) -> dict[str, str]:
+    """Name → value of NAME=VALUE texts of ``--set``; errors as of `named_values`."""
+    return {name: values[0] for name, values in named_values(texts or (), "--set").items()}
 
 
 def named_values(texts: Sequence[str], option: str) -> dict[str, list[str]]:
