@@ -1,18 +1,35 @@
 """Files that hold code: nothing of it runs, and each is refused in one line or read without it."""
 
+import io
+import json
 import os
 import pickle
+import shutil
 import warnings
 import zipfile
 
+import h5py
 import numpy as np
 import pytest
+import tifffile
 import torch
+from safetensors import safe_open
+from safetensors.torch import load_file, save_file
+from scipy.io import savemat
+from scipy.io.matlab import MatlabObject
 
+from tests.fuzz.kinds_lab import _capture, _export
 from tests.lab.test_deploy import written_weights
+from tmca.data import describe, read, read_array
+from tmca.data.files import read_dataset
+from tmca.decoders import Weights
 from tmca.errors import DataError, TmcaError
+from tmca.lab.acquisition.captures import read_captures
+from tmca.lab.calibration.file import load_calibration
 from tmca.lab.deploy import export_decoder
+from tmca.lab.display.manifest import NAME, read_export
 from tmca.lab.loading import load_exported
+from tmca.training.checkpoints import _STATE, _TENSORS, load_latest
 
 
 class Bomb:
@@ -52,8 +69,6 @@ def exported(tmp_path_factory):
 
 
 def torch_pickle(marker):
-    import io
-
     content = io.BytesIO()
     torch.save(Bomb(marker), content)
     return content.getvalue()
@@ -125,9 +140,6 @@ def test_guards_of_a_decoder_are_not_executed(exported, tmp_path, marker):
 
 @pytest.mark.parametrize("name", ["decoder.pt2", "weights.safetensors", "scene.nc", "scene.mat", "scene.npy"])
 def test_a_pickle_of_another_name_is_refused(tmp_path, marker, name):
-    from tmca.data import read
-    from tmca.decoders import Weights
-
     path = tmp_path / name
     path.write_bytes(torch_pickle(marker) if name == "decoder.pt2" else pickle.dumps(Bomb(marker)))
     readers = {".pt2": load_exported, ".safetensors": Weights.load}
@@ -136,8 +148,6 @@ def test_a_pickle_of_another_name_is_refused(tmp_path, marker, name):
 
 @pytest.mark.parametrize("name", ["scene.npy", "scene.npz"])
 def test_arrays_of_objects_are_not_unpickled(tmp_path, marker, name):
-    from tmca.data import read, read_array
-
     objects = np.array([Bomb(marker)], dtype=object)
     save = np.save if name.endswith("npy") else np.savez
     save(tmp_path / name, objects)
@@ -146,10 +156,6 @@ def test_arrays_of_objects_are_not_unpickled(tmp_path, marker, name):
 
 
 def test_codecs_of_zarr_are_not_imported(tmp_path, marker):
-    import json
-
-    from tmca.data import read
-
     folder = tmp_path / "scene.zarr"
     array = folder / "cube"
     array.mkdir(parents=True)
@@ -166,8 +172,6 @@ def test_codecs_of_zarr_are_not_imported(tmp_path, marker):
 
 def in_another_file(folder, how):
     """A file whose cube, of 0.25, lies in another one."""
-    import h5py
-
     with h5py.File(folder / "secret.h5", "w") as file:
         file["cube"] = np.full((3, 4, 5), 0.25)
     (folder / "raw").write_bytes(np.full((3, 4, 5), 0.25).tobytes())
@@ -188,8 +192,6 @@ def in_another_file(folder, how):
 @pytest.mark.parametrize("how", ["a link", "virtual", "external storage"])
 @pytest.mark.parametrize("suffix", [".h5", ".mat", ".nc"])
 def test_hdf5_files_take_no_numbers_from_others(tmp_path, how, suffix):
-    from tmca.data import describe, read
-
     path = in_another_file(tmp_path, how).rename(tmp_path / "in" / f"scene{suffix}")
     assert "in another file" in refused(read, path, DataError)
     assert "in another file" in refused(describe, path, DataError)
@@ -197,9 +199,6 @@ def test_hdf5_files_take_no_numbers_from_others(tmp_path, how, suffix):
 
 @pytest.mark.parametrize("how", ["a link", "virtual", "external storage"])
 def test_labelled_files_take_no_numbers_from_others(tmp_path, how):
-    from tmca.data.files import read_dataset
-    from tmca.lab.calibration.file import load_calibration
-
     path = in_another_file(tmp_path, how).rename(tmp_path / "in" / "taken.nc")
     assert "in another file" in refused(read_dataset, path, DataError)
     assert "in another file" in refused(load_calibration, path, DataError)
@@ -207,11 +206,6 @@ def test_labelled_files_take_no_numbers_from_others(tmp_path, how):
 
 @pytest.mark.parametrize("kind", ["object", "cells"])
 def test_objects_of_matlab_are_no_cubes(tmp_path, marker, kind):
-    from scipy.io import savemat
-    from scipy.io.matlab import MatlabObject
-
-    from tmca.data import read
-
     said = np.array([(f"system('mkdir {marker}')",)], dtype=[("expr", object)])
     stored = {
         "object": MatlabObject(said, "inline"),
@@ -223,10 +217,6 @@ def test_objects_of_matlab_are_no_cubes(tmp_path, marker, kind):
 
 
 def test_entities_of_xml_are_not_expanded(tmp_path):
-    import tifffile
-
-    from tmca.data import read
-
     path = tmp_path / "scene.ome.tif"
     tifffile.imwrite(path, np.random.default_rng(0).random((3, 4, 5), dtype=np.float32), ome=True)
     laughs = "".join(f'<!ENTITY a{n} "{f"&a{n - 1};" * 10 if n else "ha" * 10}">' for n in range(10))
@@ -236,8 +226,6 @@ def test_entities_of_xml_are_not_expanded(tmp_path):
 
 
 def test_the_state_of_a_training_is_not_unpickled(tmp_path, marker):
-    from tmca.training.checkpoints import _STATE, _TENSORS, load_latest
-
     network, path = torch.nn.Linear(2, 2), tmp_path / "run" / "0000001"
     path.mkdir(parents=True)
     (path / _STATE).write_text("{}")
@@ -269,8 +257,6 @@ OUTSIDE = ["../secret.png", "/etc/passwd", "a/../../secret.png", "..", "a\\..\\.
 @pytest.fixture(scope="module")
 def shown(tmp_path_factory):
     """A good export."""
-    from tests.fuzz.kinds_lab import _export
-
     _export(tmp_path_factory.mktemp("shown") / "export")
     return next(tmp_path_factory.getbasetemp().glob("shown*/export"))
 
@@ -278,11 +264,6 @@ def shown(tmp_path_factory):
 @pytest.mark.parametrize("path", OUTSIDE)
 @pytest.mark.parametrize("entry", ["a frame", "a response"])
 def test_paths_of_a_manifest_stay_inside(shown, tmp_path, path, entry):
-    import json
-    import shutil
-
-    from tmca.lab.display.manifest import NAME, read_export
-
     folder = shutil.copytree(shown, tmp_path / "export")
     about = json.loads((folder / NAME).read_text())
     if entry == "a frame":
@@ -295,11 +276,6 @@ def test_paths_of_a_manifest_stay_inside(shown, tmp_path, path, entry):
 
 @pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
 def test_frames_of_a_capture_lie_beside_its_list(tmp_path, path):
-    import json
-
-    from tests.fuzz.kinds_lab import _capture
-    from tmca.lab.acquisition.captures import read_captures
-
     _capture(tmp_path / "capture")
     file = tmp_path / "capture" / "captures.json"
     record = json.loads(file.read_text())
@@ -310,13 +286,6 @@ def test_frames_of_a_capture_lie_beside_its_list(tmp_path, path):
 
 @pytest.mark.parametrize("path", [path for path in OUTSIDE if path and not path.startswith("C:")])
 def test_the_prior_of_weights_lies_beside_them(tmp_path, path):
-    import json
-
-    from safetensors import safe_open
-    from safetensors.torch import load_file, save_file
-
-    from tmca.decoders import Weights
-
     file = written_weights(tmp_path, kind="unet")
     with safe_open(file, "pt") as opened:
         head = opened.metadata()

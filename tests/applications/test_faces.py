@@ -10,6 +10,7 @@ import torch
 import tmca
 from tmca.data.in_memory import SceneWarning
 from tmca.errors import TmcaError
+from tmca.reports.cameras import _sheet
 
 SIZE = (16, 18)
 CUBE = tmca.read("coffee", size=SIZE, bands=4)
@@ -134,7 +135,5 @@ def test_an_estimate_far_from_light_is_told():
 
 
 def test_the_sheet_of_a_sensor_is_what_it_says():
-    from tmca.reports.cameras import _sheet
-
     sensor = tmca.Sensor(full_well=1000, read_noise_electrons=2, bits=10)
     assert _sheet(sensor).sensor().settings() == sensor.settings()

@@ -1,11 +1,10 @@
 """The light-field camera's main job, from the command line and from Python."""
 
-import json
-
 import numpy as np
 import pytest
 import xarray as xr
 
+from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tmca.applications import evaluate, simulate
 from tmca.applications.imaging import evaluation_of
@@ -29,14 +28,12 @@ def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypat
     monkeypatch.chdir(tmp_path)
     scene = ["coffee:2", "--views", "3", "--crop", "24x30"]
     take = ["--slots", "2", "--shutter", "one-hot", "--period", "6", "--read-noise", "0.01", "--shear", "1,0.5"]
-    main(["simulate", "light-field", *scene, *take, "--out", "s.nc", "--json"])
-    said = json.loads(capsys.readouterr().out)
+    said = answer(capsys, "simulate", "light-field", *scene, *take, "--out", "s.nc")
     assert said["views"] == [3, 3]
     assert said["files"] == ["s.nc", "s.png", "s_codes.png", "s_rays.png"]
     kept = Snapshot.load("s.nc")
     assert kept.camera.shear.step == (1.0, 0.5)
-    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee:2", "--out", "e.nc", "--json"])
-    found = json.loads(capsys.readouterr().out)
+    found = answer(capsys, "reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee:2", "--out", "e.nc")
     assert sorted(file.split(".")[-1] for file in found["files"]) == ["gif", "nc", "png", "png"]
     truth = load_light_field("coffee:2", **SCENE)
     with xr.open_dataset("e.nc") as stored:
@@ -44,8 +41,7 @@ def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypat
         error = float(((stored["estimate"].values - truth.values) ** 2).mean())
         assert found["metrics"]["psnr"] == pytest.approx(-10 * np.log10(error), abs=1e-4)
         assert (stored["deviation"] > 0).all()
-    main(["evaluate", "e.nc", "coffee:2", "--json"])
-    again = json.loads(capsys.readouterr().out)
+    again = answer(capsys, "evaluate", "e.nc", "coffee:2")
     assert again["psnr"] == pytest.approx(found["metrics"]["psnr"], abs=1e-4)
     assert 0 <= again["disparity_badpix"] <= 1
 
@@ -121,18 +117,16 @@ def test_a_prior_of_views_is_learned_and_decodes(learn, called, decode, tmp_path
     main(["prior", "learn-views", "rocket", "--views", "3", *learn, "--out", "p.nc"])
     assert called in capsys.readouterr().out
     main(["simulate", "light-field", "coffee", "--views", "3", "--crop", "24x30", "--no-figures", "--out", "s.nc"])
-    capsys.readouterr()
-    main(["reconstruct", "s.nc", *decode, "--truth", "coffee", "--no-figures", "--json"])
-    assert json.loads(capsys.readouterr().out)["metrics"]["psnr"] > 10
+    assert answer(capsys, "reconstruct", "s.nc", *decode, "--truth", "coffee", "--no-figures")["metrics"]["psnr"] > 10
 
 
 def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scene = ["coffee", "--views", "3", "--crop", "24x30", "--colour", "--no-figures"]
     main(["simulate", "light-field", *scene, "--slots", "2", "--period", "6", "--out", "s.nc"])
-    capsys.readouterr()
-    main(["reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc", "--json"])
-    found = json.loads(capsys.readouterr().out)["metrics"]
+    found = answer(
+        capsys, "reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee", "--no-figures", "--out", "e.nc"
+    )["metrics"]
     drawn = {}
     figure = "tmca.applications.light_field.light_field_figure"
     monkeypatch.setattr(figure, lambda estimates, truth, *shown: drawn.update(estimates, truth=truth))

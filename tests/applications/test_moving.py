@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 import tmca
 from tests.small_scenes import smooth_scene
 from tmca.applications.moving import frames_of, moved_by
+from tmca.applications.pictures import estimate_files, estimate_pictures
 from tmca.cameras import moving_object, moving_scene
 from tmca.data.cubes import label
 from tmca.errors import DataError, SettingError
@@ -67,10 +69,6 @@ def test_a_damaged_note_of_motion_is_refused(noted):
 
 
 def test_an_estimate_in_frames_is_drawn_beside_the_truth_and_animated(scene, snapshot, tmp_path):
-    from PIL import Image
-
-    from tmca.applications.pictures import estimate_files, estimate_pictures
-
     estimate = tmca.reconstruct(snapshot, "space-time-dct", iterations=2)
     target = tmp_path / "e.nc"
     files = estimate_pictures(estimate, target, truth=scene)
@@ -79,8 +77,6 @@ def test_an_estimate_in_frames_is_drawn_beside_the_truth_and_animated(scene, sna
 
 
 def test_a_light_field_in_frames_is_drawn(tmp_path):
-    from tmca.applications.pictures import estimate_pictures
-
     views = smooth_scene(24, 26, 9, 1).unflatten(0, (3, 3)).float().clamp(0, 1).numpy()
     camera = tmca.LightFieldCamera(views=3, slots=2, shutter="burst", buckets=2)
     snapshot = tmca.simulate(views, camera, motion=(1.0, 1.0))

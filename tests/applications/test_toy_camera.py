@@ -10,9 +10,11 @@ import xarray as xr
 import yaml
 
 import tmca
+from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS, Application
 from tmca.applications.demo import Demo, Trial, run_demo
+from tmca.applications.pictures import snapshot_files, snapshot_pictures
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.cli import main
 from tmca.data.fitting import middle_of
@@ -177,11 +179,9 @@ def test_python_takes_it(taken):
 
 def test_the_command_line_takes_its_files(taken, capsys):
     taken.save("s.nc")
-    main(["reconstruct", "s.nc", "-d", "dagger", "--truth", "coffee", "--out", "e.nc", "--json"])
-    told = json.loads(capsys.readouterr().out)
+    told = answer(capsys, "reconstruct", "s.nc", "-d", "dagger", "--truth", "coffee", "--out", "e.nc")
     assert told["files"] == ["e.nc", "e.png"]
-    main(["evaluate", "e.nc", "coffee", "--figure", "both.png", "--json"])
-    again = json.loads(capsys.readouterr().out)
+    again = answer(capsys, "evaluate", "e.nc", "coffee", "--figure", "both.png")
     assert again == pytest.approx(told["metrics"], abs=1e-4)
     with pytest.raises(SystemExit) as stop:
         main(["evaluate", "e.nc", "coffee", "--wavelengths", "400:700:31"])
@@ -193,8 +193,7 @@ def test_its_files_bring_it_from_another_package(taken, capsys, request):
     expected = tmca.evaluate(estimate, "coffee")["psnr"]
     estimate.save("e.nc")
     request.getfixturevalue("installed")
-    main(["evaluate", "e.nc", "coffee", "--json"])
-    assert json.loads(capsys.readouterr().out)["psnr"] == pytest.approx(expected, abs=1e-4)
+    assert answer(capsys, "evaluate", "e.nc", "coffee")["psnr"] == pytest.approx(expected, abs=1e-4)
 
 
 def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed):
@@ -216,8 +215,6 @@ def test_inspect_says_what_its_file_is(taken, capsys):
 
 
 def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
-    from tmca.applications.pictures import snapshot_files, snapshot_pictures
-
     target = taken.save(tmp_path / "s.nc")
     assert [target, *snapshot_pictures(taken, target)] == snapshot_files(target, "single-pixel")
     assert (tmp_path / "s_masks.png").exists()
@@ -234,8 +231,7 @@ def test_the_demo_shows_it(tmp_path, monkeypatch):
 
 
 def test_the_command_line_takes_its_snapshots(capsys):
-    main(["simulate", "single-pixel", "coffee", "--crop", "14x17", "--set", "slots=60", "--out", "s.nc", "--json"])
-    told = json.loads(capsys.readouterr().out)
+    told = answer(capsys, "simulate", "single-pixel", "coffee", "--crop", "14x17", "--set", "slots=60", "--out", "s.nc")
     assert (told["camera"], told["slots"]) == ("single-pixel", 60)
     assert told["files"] == ["s.nc", "s.png", "s_masks.png"]
     taken = tmca.simulate("coffee", SinglePixelCamera(SIZE, 60))

@@ -6,7 +6,8 @@ from tmca.cli import main
 
 
 def refused(capsys, *arguments, lines=1):
-    """The last of the lines on standard error, one unless something was said before; None for any number."""
+    """The last of the command's lines on standard error, one unless ``lines`` says how many; None for any number."""
+    capsys.readouterr()
     with pytest.raises(SystemExit) as stop:
         main([str(a) for a in arguments])
     captured = capsys.readouterr()

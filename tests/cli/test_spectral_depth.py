@@ -122,7 +122,6 @@ def test_a_prior_is_learned_for_a_snapshot(capsys, tmp_path):
     learn = ("prior", "learn", "cube.nc", "--out", "p.nc", "--like")
     assert "8 × 28 × 28" in said(capsys, *learn, "motorcycle_snapshot.nc")
     main(["reconstruct", "motorcycle_snapshot.nc", "--prior", "p.nc", "--no-figures"])
-    capsys.readouterr()
     assert "--mixture" in refused(capsys, *learn, "motorcycle_snapshot.nc", "--mixture", "--overwrite")
     assert "spectral-depth" in refused(capsys, *learn, "coffee_snapshot.nc", "--overwrite")
     assert "--window: found 12" in refused(capsys, "reconstruct", "coffee_snapshot.nc", "--window", "12")

@@ -7,6 +7,7 @@ import pytest
 import torch
 import xarray as xr
 
+from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tmca.cameras import SpectralDepthCamera
 from tmca.cli import main
@@ -56,8 +57,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     said = capsys.readouterr()
     assert "trained for" not in said.err  # the codes are the network's own
     metrics = json.loads(said.out)["metrics"]
-    main(["evaluate", "found.nc", "checked.nc", "--json"])
-    assert json.loads(capsys.readouterr().out) == pytest.approx(metrics, rel=1e-4)
+    assert answer(capsys, "evaluate", "found.nc", "checked.nc") == pytest.approx(metrics, rel=1e-4)
     with xr.open_dataset("found.nc") as kept:
         assert kept["radiance"].shape == (8, 36, 33)
         assert 0.4 - 1e-6 <= float(kept["depth"].min()) <= float(kept["depth"].max()) <= 2 + 1e-6
@@ -66,7 +66,6 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     main(["reconstruct", "other.nc", "--weights", "run", "--no-figures"])
     assert "other heights, shutter, depth than" in capsys.readouterr().err
     main(["simulate", "spectral-depth", "checked.nc", *own[2:], *TAKEN, "--out", "rgb.nc"])
-    capsys.readouterr()
     assert "channels = 1, expected 3" in refused(capsys, "reconstruct", "rgb.nc", "--weights", "run")
     assert "none come with tmca" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
     said = refused(capsys, "simulate", "spectral-depth", "checked.nc", "--codes", "run", "--slots", "2")

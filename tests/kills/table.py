@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 import yaml
+from PIL import Image
 from safetensors.torch import load_file
 
 from tests.evaluation.test_study import MINE
@@ -149,8 +150,6 @@ def _opened(file: Path) -> Any:
 
 
 def _picture(file: Path) -> Any:
-    from PIL import Image
-
     with Image.open(file) as picture:
         picture.load()
         return picture.size

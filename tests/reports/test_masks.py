@@ -9,7 +9,7 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.design import MaskEffort, SensorSheet
 from tmca.errors import OutputError, SettingError
 from tmca.operators.window_moments import needed_block
-from tmca.reports.masks import design_spectral_depth
+from tmca.reports.masks import _counts, design_spectral_depth
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")  # few mask pixels are fast ones
 TINY = {"bench": {"window": (5, 7), "mask_pixels": 24, "diameter": 1e-3}, "camera": {"planes": 3}, "bands": 2}
@@ -40,8 +40,6 @@ def test_one_slot_is_a_static_mask(tmp_path):
 
 
 def test_slots_that_do_not_fit_the_exposure_are_left_out_or_refused(tmp_path):
-    from tmca.reports.masks import _counts
-
     sheet = SensorSheet(exposure=0.01, pattern_rate=300)
     assert _counts(sheet, None) == [1, 2]
     with pytest.raises(SettingError, match="at most 3"):
