@@ -15,11 +15,11 @@ from tmca.applications.base import Application, noted_reading
 from tmca.applications.camera_figures import phase_codes_figure, psf_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
-from tmca.applications.unknown_depth import check_depth_known, unknown_depth
 from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.sensor_tiles import check_holds
 from tmca.data import read_dataset
+from tmca.data.depth_maps import UNKNOWN_KINDS, unknown_kinds
 from tmca.data.depth_scenes import depth_tensor, load_spectral_depth
 from tmca.data.fitting import FITTED, fit_depth_scene, middle_of
 from tmca.data.in_memory import as_depth_scene
@@ -42,6 +42,10 @@ DEPTH_METRICS = (
     ("within_bin", "within a bin", ".0%"),
 )
 _PARTS = ("radiance", "depth", "confidence")
+UNKNOWN = (*UNKNOWN_KINDS, "outside")
+"""Why depth is unknown; counted in the attributes ``unknown_zero`` and so on of a snapshot."""
+TOTAL = "unknown_depth_pixels"
+"""Attribute of a snapshot: all of them."""
 
 
 class SpectralDepthDemo(Demo):
@@ -196,3 +200,26 @@ def spectral_depth_metrics(
     if planes.count > 1:
         figures["within_bin"] = within_bin(depth, real, planes.metres)
     return {**all_metrics(cube, truth["radiance"].values), **figures, "known_depth": float(within.double().mean())}
+
+
+def unknown_depth(depth: xr.DataArray, planes: DepthPlanes) -> dict[str, int]:
+    """How many pixels (y, x) are unknown, in all and by kind: no depth, or outside the range of the planes."""
+    kinds = unknown_kinds(depth)
+    within = planes.within(torch.from_numpy(np.array(depth.values))).numpy()
+    counts = [int(np.sum(kinds == place)) for place in range(1, len(UNKNOWN))] + [int(np.sum((kinds == 0) & ~within))]
+    return {TOTAL: int(np.sum(~within)), **{f"unknown_{name}": n for name, n in zip(UNKNOWN, counts, strict=True)}}
+
+
+def said_unknown(counts: Mapping[str, Any], pixels: int) -> str:
+    """``7 of 90 pixels of unknown depth (4 zero, 3 outside)`` of the counts of ``unknown_depth``."""
+    each = ((counts.get(f"unknown_{name}", 0), name.replace("_", " ")) for name in UNKNOWN)
+    why = ", ".join(f"{count} {name}" for count, name in each if count)
+    return f"{counts[TOTAL]} of {pixels} pixels of unknown depth" + (f" ({why})" if why else "")
+
+
+def check_depth_known(counts: Mapping[str, int], pixels: int, planes: DepthPlanes, where: str) -> None:
+    """Raises DataError where no pixel of a scene has a depth that the camera knows."""
+    if counts[TOTAL] == pixels:
+        expected = f"some within {planes.near:g} to {planes.far:g} m, the camera's depth range"
+        remedy = "choose another range (--depth), or map depth onto it (no --metric-depth)"
+        raise DataError(where, said_unknown(counts, pixels), expected, remedy)

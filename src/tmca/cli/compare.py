@@ -5,17 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.grid import GridOptions
+from tmca.cli.options.grid import DepthScenes, GridOptions
 from tmca.cli.options.numbers import Whole, size
 from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
 from tmca.specs import MeasuredReading
 
 app = App(name="compare", help="A table of codes, noises and decoders over a list of test scenes.")
-_GRID, _VIEWS = GridOptions(), MeasuredReading()
+_GRID, _VIEWS, _DEPTH = GridOptions(), MeasuredReading(), DepthScenes()
 
 
 @app.command
@@ -93,8 +93,7 @@ def light_field(
         seeds: how many codes and trainings, from --seed on.
         steps: optimiser steps of every network.
     """
-    asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
-    asked["frame"] = size(frame, "--frame")
+    asked = {**reading.model_dump(), "frame": size(frame, "--frame")}
     _run("light-field", out, work, grid, scenes=_scenes(train, test), reading=asked,
          settings={"period": [period, period]}, decoders=decoders.split(","), priors={"dictionary": {"atoms": atoms}},
          seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
@@ -108,11 +107,7 @@ def spectral_depth(
     out: Path = Path("docs/results"),
     work: Path = Path("runs/compare-spectral-depth"),
     decoders: str = "likelihood",
-    from_rgb: Annotated[bool, Parameter(negative="")] = False,
-    placed: str | None = None,
-    preset: str = "quick",
-    crop: str = "96x128",
-    side: Whole = 256,
+    depth: DepthScenes = _DEPTH,
     seed: Whole = 0,
     seeds: Whole = 1,
     steps: Whole = 400,
@@ -130,18 +125,12 @@ def spectral_depth(
         work: folder of prior, codes, trainings and finished cells.
         decoders: which of those that `tmca decoders` lists for the camera, and of the trained two-headed (from the
             snapshot) and physics (from the likelihood); separated by commas.
-        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
-        placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
-        preset: of the camera: quick or thesis.
-        crop: HxW middle of every scene that is measured, pixels.
-        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
         seed: of codes, noise and trainings.
         seeds: how many of them, from --seed on.
         steps: optimiser steps of a training.
     """
-    reading = {"preset": preset, "side": side, "placed": placed, "from_rgb": from_rgb, "crop": size(crop, "--crop")}
-    _run("spectral-depth", out, work, grid, scenes=_scenes(train, test), reading=reading, decoders=decoders.split(","),
-         seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
+    _run("spectral-depth", out, work, grid, scenes=_scenes(train, test), reading=depth.reading(),
+         decoders=decoders.split(","), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 
 
 def _scenes(train: Path | list[str], test: Path | list[str], validation: Path | None = None) -> dict[str, list[str]]:

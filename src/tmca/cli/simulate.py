@@ -125,7 +125,7 @@ def spectral_depth(
             --from-rgb, or a cube with --placed.
         crop: HEIGHTxWIDTH, the middle of the scene.
     """
-    from tmca.applications.unknown_depth import TOTAL, said_unknown
+    from tmca.applications.spectral_depth import TOTAL, said_unknown
 
     choice = CameraChoice(camera, sensor, bench)
     how = {**reading.arguments(), **choice.depth_reading(), "size": size(crop, "--crop")}

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING, scenes_of
-from tmca.cli.options.grid import GridOptions
+from tmca.cli.options.grid import DepthScenes, GridOptions
 from tmca.cli.options.numbers import Whole, size
 from tmca.cli.options.output import say
 from tmca.cli.progress import cell_done
@@ -17,7 +17,7 @@ from tmca.errors import SettingError
 from tmca.specs import MeasuredReading
 
 app = App(name="sweep", help="Every combination of some settings, over test scenes.")
-_GRID, _VIEWS = GridOptions(), MeasuredReading()
+_GRID, _VIEWS, _DEPTH = GridOptions(), MeasuredReading(), DepthScenes()
 
 
 @app.command
@@ -101,9 +101,8 @@ def light_field(
     from tmca.data import split_rendered_light_fields
 
     named = scenes_of(scenes, test) or sorted(split_rendered_light_fields()["test"])
-    asked = {"views": reading.views, **reading.files(), "test_scale": reading.test_scale}
-    _run("light-field", vary, set_, named, out, work, grid, reading={**asked, "size": size(crop, "--crop")},
-         decoder=decoder, train=scenes_of((), train))  # fmt: skip
+    asked = {**reading.model_dump(), "size": size(crop, "--crop")}
+    _run("light-field", vary, set_, named, out, work, grid, reading=asked, decoder=decoder, train=scenes_of((), train))
 
 
 @app.command
@@ -116,11 +115,7 @@ def spectral_depth(
     train: list[str] | None = None,
     decoder: str = "likelihood",
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
-    preset: str = "quick",
-    crop: str = "96x128",
-    side: Whole = 256,
-    from_rgb: Annotated[bool, Parameter(negative="")] = False,
-    placed: str | None = None,
+    depth: DepthScenes = _DEPTH,
     grid: GridOptions = _GRID,
 ) -> None:
     """Sweep settings of the spectral-depth camera over SCENES: `--vary contrast=0,0.1,1 --vary slots=1,4`.
@@ -141,18 +136,12 @@ def spectral_depth(
         train: scenes or split files that teach the prior; that of the rendered scenes without any.
         decoder: one that `tmca decoders` lists for the camera.
         set_: NAME=VALUE of the same names for all cells.
-        preset: of the camera: quick, quick-diffractive, thesis or diffractive.
-        crop: HEIGHTxWIDTH, the middle of the scenes.
-        side: scenes from files are averaged down while their shorter side keeps at least this many pixels.
-        from_rgb: make up spectra of measured reflectances for RGB-D scenes.
-        placed: put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random.
     """
     from tmca.data import split_rendered
     from tmca.training.scenes import named_scenes
 
     named = named_scenes([*scenes, *(test or ())]) or sorted(split_rendered()["test"])
-    reading = {"preset": preset, "side": side, "placed": placed, "from_rgb": from_rgb, "crop": size(crop, "--crop")}
-    _run("spectral-depth", vary, set_, named, out, work, grid, reading=reading, decoder=decoder,
+    _run("spectral-depth", vary, set_, named, out, work, grid, reading=depth.reading(), decoder=decoder,
          train=named_scenes(train or ()))  # fmt: skip
 
 

@@ -1,8 +1,9 @@
-"""``tmca train``: codes and decoders that learn together."""
+"""``tmca train``: codes and decoders that learn together, and with ``--from`` on calibrated captures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -13,6 +14,7 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
 from tmca.cli.options.output import say
+from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
@@ -64,13 +66,12 @@ def fine_tune(
         missing = [name for name, given in needed.items() if given is None]
         wanted = f"{', '.join(CAMERA_SPECS)}; or --from RUN, --captures and --out to fine-tune"
         raise SettingError("train", f"no camera, and no {missing[0]}", wanted, "tmca train --help says more")
-    from tmca.cli.tune import run_tuning
     from tmca.tuning.run import prepared
 
     named = {"optimiser.steps": steps, "optimiser.decoder_rate": rate, "data.batch": batch, "data.patch": patch}
     changes = _settings(set_) | {name: value for name, value in named.items() if value is not None}
     ready = prepared(from_, captures, calibration, validation=validation, changes=changes)
-    run_tuning(ready, out, accelerator, json)
+    _run_tuning(ready, out, accelerator, json)
 
 
 @Parameter(name="*")
@@ -154,7 +155,6 @@ def spectral_depth(
 
 def _train(kind: str, options: RunOptions, beside: Mapping[str, Any], load: Any = None) -> None:
     """Train, draw how it went, and say what came out."""
-    from tmca.cli.tune import rank, run_with_bar
     from tmca.reports.training import training_pictures
     from tmca.training import scene_reader, train
 
@@ -164,8 +164,8 @@ def _train(kind: str, options: RunOptions, beside: Mapping[str, Any], load: Any 
     def run(read: Any, how: dict[str, Any]) -> Any:
         return train(settings, out, read, finish=lambda: pictures.extend(training_pictures(out)), **how)
 
-    trained = run_with_bar(f"train {out.name}", "training", load or scene_reader(settings), run, options.accelerator)
-    if rank():
+    trained = _run_with_bar(f"train {out.name}", "training", load or scene_reader(settings), run, options.accelerator)
+    if _rank():
         return
     best = trained.best
     validated = best["step"] and isfinite(best["psnr"])
@@ -173,6 +173,85 @@ def _train(kind: str, options: RunOptions, beside: Mapping[str, Any], load: Any 
     merit += "" if validated else "; no scene was set aside to choose the best step: --validation names some"
     line = f"{trained.weights}: {trained.steps} steps{merit}; {', '.join(one.name for one in pictures)} beside it"
     say({"weights": str(trained.weights), "best": best, "steps": trained.steps}, options.json, line)
+
+
+def _rank() -> int:
+    """Of this process among those of a run."""
+    return int(os.environ.get("RANK", "0"))
+
+
+def _run_with_bar(title: str, doing: str, load: Callable[[str], Any], run: Callable[..., Any], accelerator: str) -> Any:
+    """A run of any kind with a progress bar.
+
+    Args:
+        title: of the bar.
+        doing: what it says of a step.
+        load: reads a scene or capture by its name.
+        run: called with what reads and says so, and with the engine's arguments of `tmca.training.train`.
+        accelerator: auto, cpu or cuda.
+    """
+    processes = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
+    nodes = int(os.environ.get("WORLD_SIZE", "1")) // processes
+    with progress_bar(title) as bar:
+
+        def read(name: str) -> Any:
+            scene = load(name)
+            if not _rank():
+                bar(None, f"{Path(name).name} read")
+            return scene
+
+        def show(done: int, steps: int, text: str) -> None:
+            bar(done / steps, doing, f"step {done}/{steps}, {text}")
+
+        return run(read, {"accelerator": accelerator, "processes": processes, "nodes": nodes, "progress": show})
+
+
+def _run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
+    """Fine-tune, draw how it went, and say what came out."""
+    from tmca.tuning.pictures import tuning_pictures
+
+    pictures: list[Path] = []
+
+    def run(read: Any, how: dict[str, Any]) -> Any:
+        return prepared.run(out, read, finish=lambda: pictures.extend(tuning_pictures(prepared, out)), **how)
+
+    tuned = _run_with_bar(f"tune {out.name}", "fine-tuning", prepared.read, run, accelerator)
+    if not _rank():
+        report = _report(prepared, out, tuned, pictures)
+        say(report, json, *_lines(report))
+
+
+def _report(prepared: Any, out: Path, tuned: Any, pictures: list[Path]) -> dict[str, Any]:
+    from tmca.training.log import TrainingLog
+
+    before = {name: float(value) for name, value in TrainingLog(out / "log.csv").rows()[0].items() if value}
+    data, used = prepared.settings.data, prepared.calibration
+    return {
+        "weights": str(tuned.weights),
+        "calibration": None if used is None else used.where,
+        "learned_from": list(data.train),
+        "held_out": list(data.validation),
+        "before": {name: before[name] for name in tuned.best if name in before and name != "step"},
+        "best": tuned.best,
+        "steps": tuned.steps,
+        "files": [str(picture) for picture in pictures],
+    }
+
+
+def _lines(report: dict[str, Any]) -> list[str]:
+    """The report for people."""
+    best, held = report["best"], len(report["held_out"])
+    count = f"{len(report['learned_from'])} captures learned from, {held} held out"
+    operator = f"calibrated by {report['calibration']}" if report["calibration"] else "the run's own, not calibrated"
+    lines = [f"{report['weights']}: {count}, {report['steps']} steps", f"  operator: {operator}"]
+    for name, value in report["before"].items():
+        unit = {"psnr": " dB", "depth_mae": " m"}.get(name, "")
+        if name != "score":
+            after = f"{best[name]:.4g}{unit} after (step {best['step']})"
+            lines.append(f"  {name} held out: {value:.4g}{unit} before, {after}")
+    if not best["step"]:
+        lines.append("  no step was better than the decoder as it was, which is what is saved")
+    return [*lines, f"  {', '.join(Path(file).name for file in report['files'])} beside it"]
 
 
 def _settings(texts: list[str] | None) -> dict[str, Any]:

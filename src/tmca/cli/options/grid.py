@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Group, Parameter
 
-from tmca.cli.options.numbers import whole
+from tmca.cli.options.numbers import Whole, size, whole
 from tmca.errors import SettingError
 
 _GRID = Group("Computation", sort_key=4)
@@ -39,6 +39,27 @@ class GridOptions:
             device_of(self.device)
         same = {"jobs": self.jobs, "device": self.device, "overwrite": self.overwrite}
         return {**same, "cluster": cluster, "command": command}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class DepthScenes:
+    """How scenes with depth are read for a grid of cells."""
+
+    preset: str = "quick"
+    "Of the camera: quick, quick-diffractive, thesis or diffractive."
+    crop: str = "96x128"
+    "HEIGHTxWIDTH, the middle of every scene that is measured."
+    side: Whole = 256
+    "Scenes from files are averaged down while their shorter side keeps at least this many pixels."
+    from_rgb: bool = False
+    "Make up spectra of measured reflectances for RGB-D scenes."
+    placed: str | None = None
+    "Put cubes without depth at drawn depths: plane, slanted, staged, smooth, pieces or random."
+
+    def reading(self) -> dict[str, Any]:
+        """The reading of a comparison or a sweep."""
+        return {**vars(self), "crop": size(self.crop, "--crop")}
 
 
 def cluster_parameters(text: str | None) -> dict[str, Any] | None:
