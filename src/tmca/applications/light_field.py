@@ -53,13 +53,11 @@ class LightFieldDemo(Demo):
 
     def trials(self, scene: xr.DataArray) -> list[Trial]:
         size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=self.read_noise)
+        same: dict[str, Any] = {"views": self.views, "size": size, "period": self.period, "sensor": sensor}
         return [
-            Trial(code, f"light_field_{stem}", self._camera(size, sensor, settings))
+            Trial(code, f"light_field_{stem}", LightFieldCamera(**same, **settings))
             for code, (stem, settings) in self.codes.items()
         ]
-
-    def _camera(self, size: tuple[int, int], sensor: Sensor, settings: dict[str, Any]) -> LightFieldCamera:
-        return LightFieldCamera(self.views, size, period=self.period, sensor=sensor, **settings)
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
         static, multiplexed = (row["psnr"] for row in rows)

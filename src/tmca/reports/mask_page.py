@@ -51,10 +51,6 @@ _CAVEAT = (
 )
 
 
-def _caveat(advice: MaskAdvice) -> str:
-    return _CAVEAT if advice.static.errors is None else _JUDGED + _CAVEAT
-
-
 def design_files(slots: Sequence[int]) -> list[str]:
     """Names of the files that a design writes."""
     each = [name for k in slots for name in (f"codes_k{k}.nc", f"masks_k{k}.png", f"psf_k{k}.png")]
@@ -71,6 +67,7 @@ def described(
 ) -> dict[str, Any]:
     """What ``design.json`` holds; ``given`` is added as it is."""
     noise, best = advice.static.camera.noise, advice.best
+    caveat = _CAVEAT if advice.static.errors is None else _JUDGED + _CAVEAT
     rows = [_row(advice, candidate) for candidate in advice.candidates]
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": mask_advice(advice),
@@ -80,7 +77,7 @@ def described(
         "filters": task.camera["filters"], "channels": task.camera["channels"], "period": best.camera.period,
         "shutter": task.shutter, "mask": task.family, "stroke": None if task.stroke is None else asdict(task.stroke),
         "learn": list(task.learn), "window": task.window, "seed": task.seed, "effort": asdict(effort),
-        "scenes": list(prior.sources), "caveat": _caveat(advice), "designs": rows,
+        "scenes": list(prior.sources), "caveat": caveat, "designs": rows,
     }  # fmt: skip
 
 

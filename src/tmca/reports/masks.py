@@ -19,7 +19,7 @@ from tmca.design import MaskAdvice, MaskEffort, MaskTask, Progress, SensorSheet,
 from tmca.errors import DataError, SettingError
 from tmca.evaluation.tables import check_new
 from tmca.operators.window_moments import needed_block
-from tmca.optics import MODES, PhaseMaskBench, Stroke, changed_bench, check_mask
+from tmca.optics import MODES, Stroke, changed_bench, check_mask
 from tmca.priors import GaussianPrior, find_prior
 from tmca.reports.codes import named_once, read_scenes
 from tmca.reports.mask_page import described, design_files, write_design
@@ -92,18 +92,8 @@ def design_spectral_depth(
     counts = _counts(sheet, slots)
     check_new((out / name for name in design_files(counts)), overwrite)
     settings = _camera(preset, bands, {**(camera or {}), "sensor": sheet.sensor()})
-    task = MaskTask(
-        _bench(preset, bench or {}),
-        settings,
-        shutter,
-        mask,
-        rms,
-        _stroke(stroke, levels),
-        learn,
-        window,
-        seed,
-        modes,
-    )
+    searched = changed_bench(SpectralDepthCamera.preset(preset)["bench"], bench or {})
+    task = MaskTask(searched, settings, shutter, mask, rms, _stroke(stroke, levels), learn, window, seed, modes)
     for count in counts:
         task.camera_of(count, 0)
     named_once(scenes)
@@ -112,8 +102,10 @@ def design_spectral_depth(
     waves, cubes = task.camera["bands"], list[torch.Tensor]()
     if prior is None:
         names = scenes or sorted(split_rendered()["train"])[:JUDGING]
-        read = read_scenes(names, lambda name: _cube(name, waves), lambda share, step: progress(0.1 * share, step))
-        cubes = list(read.values())
+        scenes_read = read_scenes(
+            names, lambda name: _cube(name, waves), lambda share, step: progress(0.1 * share, step)
+        )
+        cubes = list(scenes_read.values())
     learned = _prior(scenes, prior, cubes, task, lambda share, step: progress(0.1 + 0.2 * share, step))
     judge = judge_on(cubes, learned, window)
     advice = search_masks(task, learned, counts, effort, lambda share, step: progress(0.3 + 0.68 * share, step), judge)
@@ -126,16 +118,11 @@ def design_spectral_depth(
 def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
     if sheet.buckets > 1:
         remedy = "design spectral or light-field codes, or leave the second bucket out"
-        raise SettingError(
-            "buckets", f"{sheet.buckets} beside phase masks", "1, no masks are searched for more", remedy
-        )
+        found = f"{sheet.buckets} beside phase masks"
+        raise SettingError("buckets", found, "1, no masks are searched for more", remedy)
     most = sheet.most_slots
     asked = [k for k in SLOTS if most is None or k <= most] if slots is None else list(slots)
     return sorted({1, *sheet.allowed(asked)})
-
-
-def _bench(preset: str, changes: Mapping[str, Any]) -> PhaseMaskBench:
-    return changed_bench(SpectralDepthCamera.preset(preset)["bench"], changes)
 
 
 def _stroke(reach: float | None, levels: int | None) -> Stroke | None:
@@ -178,12 +165,10 @@ def _prior(
 
 def _cube(name: str, waves: Sequence[float]) -> torch.Tensor:
     """(L, H, W) of an example scene at these bands."""
-    rendered = is_rendered(name)
-    cube = (
-        rendered_scene(name, wavelengths=waves, size=(256, 256))["radiance"]
-        if rendered
-        else at_bands(read(name), waves)
-    )
+    if is_rendered(name):
+        cube = rendered_scene(name, wavelengths=waves, size=(256, 256))["radiance"]
+    else:
+        cube = at_bands(read(name), waves)
     if not cube.values.any():
         raise DataError(name, "no light, every pixel is zero", "a lit scene", "leave it out")
     return torch.from_numpy(np.ascontiguousarray(cube.values, dtype=np.float32))
