@@ -39,12 +39,6 @@ def prior():
     return GaussianPrior.learn([torch.from_numpy(cube)], needed_block(8, (11, 11)), wavelengths=WAVES)
 
 
-pytestmark = [  # a narrow window is a fast one, and so are few mask pixels
-    pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight"),
-    pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled"),
-]
-
-
 def scene_of(source="coffee", **how):
     return load_spectral_depth(source, WAVES, near=0.4, far=2.0, size=SIZE, **{"reduce": 8, **how})
 

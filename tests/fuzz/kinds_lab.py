@@ -1,4 +1,4 @@
-"""Files of the bench: calibrations, manifests, captures, devices, exported decoders."""
+"""Files of the bench: calibrations, manifests, captures, devices, exported decoders, ground truth."""
 
 from __future__ import annotations
 
@@ -14,13 +14,17 @@ import tifffile
 import torch
 from PIL import Image
 
+from studies.rendered_table import bench, render_scan
 from tests.fuzz.kinds import kind
-from tests.fuzz.kinds_own import _snapshot, _spectral
+from tests.fuzz.kinds_formats import NM, cube
+from tests.fuzz.kinds_own import BANDS, NET, _snapshot, _spectral
 from tests.lab.calibration.test_buckets import two_buckets
 from tests.lab.calibration.test_file import version_0_1, whole
 from tests.lab.live.test_recording import CAMERA, shown
 from tests.lab.test_deploy import written_weights
-from tmca.data import read_array, write_json
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.data import read_array, write_dataset, write_json
+from tmca.decoders import Weights, build_network
 from tmca.lab.acquisition.captures import CaptureFrame, keep, read_captures, said_sources
 from tmca.lab.calibration.captures import taken_with
 from tmca.lab.calibration.file import load_calibration
@@ -37,11 +41,17 @@ from tmca.lab.display.manifest import (
     read_manifest,
     shown_digest,
 )
-from tmca.lab.frames import read_frames
+from tmca.lab.frames import read_frames, write_frames
+from tmca.lab.ground_truth import geometry
+from tmca.lab.ground_truth.fringes import FringePlan, load_plan, read_capture, write_fringes
+from tmca.lab.ground_truth.join import open_cube
+from tmca.lab.ground_truth.scan import measure_reflectance, read_scan
 from tmca.lab.ground_truth.spectra import read_spectra
 from tmca.lab.live import Recording, recorded
 from tmca.lab.loading import load_exported
 from tmca.lab.notes import date_of_frames
+from tmca.tuning.folder import find_pairs
+from tmca.tuning.pairs import read_pair
 
 
 def _calibration(path: Path, buckets: bool = False) -> None:
@@ -206,3 +216,70 @@ kind("manifest.json", _manifest, _read_manifest)
 kind("recording.zarr", _recording, _read_recording)
 if find_spec("onnxruntime"):
     kind("decoder.onnx", _decoder, _read_decoder)
+
+
+def _fringes(path: Path) -> None:
+    plan = FringePlan(size=(8, 64), fringes=(1, 4), steps=3)
+    write_fringes(plan, path)
+    phase = 2 * np.pi * np.linspace(0, 1, 13) * np.ones((6, 1))
+    seen = [
+        1000 + 800 * np.cos(count * phase - 2 * np.pi * step / plan.steps)
+        for count in plan.fringes
+        for step in range(plan.steps)
+    ]
+    write_frames(path / "captured", dict(zip(plan.names, np.array(seen).astype(np.uint16), strict=True)))
+
+
+def _read_fringes(path: Path) -> Any:
+    plan = load_plan(path)
+    return plan, read_capture(path / "captured", plan)
+
+
+def _projector(path: Path) -> None:
+    bench((12, 16), (32, 64)).save(path)
+
+
+def _read_projector(path: Path) -> Any:
+    calibration = geometry.load_calibration(path)
+    return calibration, geometry.camera_rays(calibration)
+
+
+def _scan(path: Path) -> None:
+    seen = render_scan(0.2 + 0.6 * cube().astype(np.float64), bits=16, darks=2)
+    path.mkdir()
+    for name, frames in (("scene", seen.scene), ("white", seen.white)):
+        write_frames(path / name, {f"{name}_{nm:g}nm": frame for nm, frame in zip(NM, frames, strict=True)})
+    write_frames(path / "dark", {f"dark_{index}": frame for index, frame in enumerate(seen.dark)})
+
+
+def _read_scan(path: Path) -> Any:
+    return measure_reflectance(read_scan(path / "scene", path / "dark", path / "white"))
+
+
+def _measured(path: Path) -> None:
+    _scan(path.with_suffix(""))
+    write_dataset(_read_scan(path.with_suffix("")), path)
+    shutil.rmtree(path.with_suffix(""))
+
+
+def _pairs(path: Path) -> None:
+    path.mkdir()
+    torch.manual_seed(0)
+    camera = SpectralCamera(BANDS, (6, 7), 2, period=3)
+    Weights.of(build_network("unet", bands=3, start="dagger", **NET), camera).save(path / "weights.safetensors")
+    for name in ("first", "second"):
+        scene = torch.rand(1, *camera.scene_shape)
+        Snapshot(camera(scene), camera, {}).save(path / f"{name}.nc")
+        write_dataset(camera.label(scene), path / f"{name}_truth.nc")
+
+
+def _read_pairs(path: Path) -> Any:
+    weights = Weights.load(path / "weights.safetensors")
+    return [read_pair(files, weights, None)[0] for files in find_pairs(path)]
+
+
+kind("fringes", _fringes, _read_fringes)
+kind("projector.json", _projector, _read_projector)
+kind("scan", _scan, _read_scan, infinite=True)
+kind("spectra.nc", _measured, open_cube, infinite=True)
+kind("tuning", _pairs, _read_pairs)

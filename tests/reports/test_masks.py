@@ -11,7 +11,6 @@ from tmca.errors import OutputError, SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.reports.masks import _counts, design_spectral_depth
 
-pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")  # few mask pixels are fast ones
 TINY = {"bench": {"window": (5, 7), "mask_pixels": 24, "diameter": 1e-3}, "camera": {"planes": 3}, "bands": 2}
 
 
@@ -21,7 +20,6 @@ def design(out, **how):
     return design_spectral_depth(SensorSheet(read_noise=0.01), out, **own)
 
 
-@pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # one step from random masks
 def test_one_slot_is_a_static_mask(tmp_path):
     told = []
     advice, found = design(tmp_path / "d", progress=lambda share, step: told.append(share))
