@@ -83,26 +83,6 @@ def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["simulate", "light-field", "nowhere"], "no such file, folder or rendered scene"),
-        (["simulate", "light-field", "coffee", "--views", "4"], "odd"),
-        (["simulate", "light-field", "coffee", "--crop", "24x30", "--shear", "1,2,3"], "at most 2 values"),
-        (["simulate", "light-field", "coffee:x"], "whole number"),
-        (["simulate", "light-field", "coffee", "--scale", "2"], "rendered scene"),
-        (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "camera.views=4", "--steps", "1"], "odd"),
-        (["train", "light-field", "--train", "coffee", "--out", "r", "--set", "data.tint=0.2"], "data.tint"),
-        (["train", "light-field", "--train", "coffee", "--out", "r", "--preset", "lytro"], "one of thesis, quick"),
-        (["prior", "learn-views", "--out", "p.nc"], "no scenes"),
-    ],
-)
-def test_bad_input_is_one_line(arguments, words, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert words in refused(capsys, *arguments)
-    assert not [file for file in tmp_path.iterdir() if file.name != "r"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("learn", "called", "decode"),

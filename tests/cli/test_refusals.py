@@ -33,6 +33,10 @@ REFUSED = {
         "simulate spectral coffee --crop 6400x64": ("6400×64", "400×600", "coffee"),
         "simulate spectral-depth chelsea --reduce 8 --crop 16x33":
             "16×33 pixels, expected at least 31, the width of the point spread functions",
+        "simulate light-field nowhere": "no such file, folder or rendered scene",
+        "simulate light-field coffee --views 4": "odd",
+        "simulate light-field coffee:x": "whole number",
+        "prior learn-views --out p.nc": "no scenes",
         "export none.nc --device dli4120": "none.nc",
         "export check nowhere": "manifest",
         "capture nowhere --scene coffee": "manifest",
@@ -87,6 +91,8 @@ REFUSED = {
         f"{METRES} --mask-distance 1e-4 --shear 1": "tmca: --shear: ",
         f"{METRES} --shear 1,2": "tmca: --shear: ",
         "--hardware height_error=0.1": "light-field camera",
+        "--shear 1,2,3": "at most 2 values",
+        "--scale 2": "rendered scene",
     },
     "simulate spectral-depth chelsea --reduce 8 --crop 32x32": {
         "--depth 2": "--depth",
@@ -138,6 +144,11 @@ REFUSED = {
         "--seed -1": "--seed: found -1",
         "--light 1": "--light: found 1",
         "--throughput 1.5": "--throughput: found 1.5",
+        "--buckets 3": "--buckets: found 3",
+        "--buckets 0": "--buckets: found 0",
+        "--buckets two": ("--buckets", "two"),
+        "--kinds free,two-bucket": ("--kinds: found two-bucket with one bucket", "--buckets 2"),
+        "--buckets 2 --slots 1 --kinds two-bucket": "--slots",
         "coffee": "the same scene twice",
         "tissue rocket retina chelsea astronaut motorcycle --bands 31":
             "found 7 of 31 bands, 11.6 GB for what they say of blocks, expected at most 10 GB; name fewer scenes",
@@ -157,6 +168,7 @@ REFUSED = {
         "--preset huge": "quick",
         "--aperture 0": "--aperture: found 0",
         "--exposure 0.01 --pattern-rate 300 --slots 8": "at most 3",
+        "--buckets 2": "buckets: found 2 beside phase masks",
     },
     "sweep spectral coffee --out s": {
         "--vary height_error=0.1": "height_error",
@@ -170,6 +182,11 @@ REFUSED = {
         "--set camera": ("--set", "name=value"),
         "--config nowhere.yaml": "nowhere.yaml",
         "--train nowhere.mat": "nowhere.mat",
+    },
+    "train light-field --train coffee --out run": {
+        "--set camera.views=4 --steps 1": "odd",
+        "--set data.tint=0.2": "data.tint",
+        "--preset lytro": "one of thesis, quick",
     },
     "train": {
         "": "train: found no camera, and no --from",

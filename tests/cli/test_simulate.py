@@ -1,11 +1,15 @@
-"""`--hardware` of `tmca simulate`, and faults in sweeps."""
+"""Options of `tmca simulate`: faults of a bench, in sweeps too, a bench in metres, learned codes."""
+
+import json
 
 import pytest
 import torch
+import xarray as xr
 
 from tests.cli.calls import answer
 from tmca.cameras import Snapshot
 from tmca.cli import main
+from tmca.decoders import find_weights
 
 SMALL = {
     "spectral": ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures"],
@@ -48,3 +52,42 @@ def test_a_sweep_decodes_what_a_faulty_bench_took_with_the_camera_that_is_known(
     assert [row["misregistration"] for row in rows] == [0.0, "0:1", "1:0", 1.0]
     assert len({row["psnr"] for row in rows}) == 4
     assert rows[0]["psnr"] > rows[-1]["psnr"] + 0.5
+
+
+BENCH = ["--aperture-distance", "0.05", "--aperture-width", "0.012", "--pixel-pitch", "6e-6"]
+VIEWS = ["simulate", "light-field", "coffee:1", "--crop", "24x32", "--views", "3", "--slots", "2", "--no-figures"]
+
+
+@pytest.mark.filterwarnings("default::tmca.cameras.CodesWarning")
+@pytest.mark.parametrize(
+    ("options", "step", "scale"),
+    [
+        (["--mask-distance", "1e-4"], 1e-4 * 4e-3 / (0.0499 * 6e-6), 1.0),
+        (["--mask-distance", "1e-4", "--mask-pitch", "6e-6"], 1e-4 * 4e-3 / (0.05 * 6e-6), 0.998),
+        (["--shear", "2"], 2.0, 1.0),
+        ([], 1.0, 1.0),
+        (["--mask-pitch", "5.988e-6"], 1e-4 * 4e-3 / (0.0499 * 6e-6), 1.0),
+    ],
+)
+def test_rays_of_a_bench_meet_the_mask_where_similar_triangles_say(tmp_path, capsys, options, step, scale):
+    out = tmp_path / "snapshot.nc"
+    main([*VIEWS, *BENCH, *options, "--out", str(out)])
+    assert "mm from the sensor" in capsys.readouterr().err
+    with xr.open_dataset(out, engine="h5netcdf") as found:
+        assert json.loads(found.attrs["shear"]) == pytest.approx([step, step], rel=1e-6)
+        assert float(found.attrs["mask_scale"]) == pytest.approx(scale, rel=1e-9)
+
+
+SCENE = ["coffee", "--crop", "40x48", "--no-figures", "--out", "s.nc"]
+
+
+@pytest.mark.parametrize(("options", "slots"), [([], 8), (["--slots", "1"], 1)])
+def test_default_weights_take_and_decode_a_snapshot(tmp_path, options, slots):
+    main(["simulate", "spectral", *SCENE, "--weights", "default", *options, "--read-noise", "0.01"])
+    camera = Snapshot.load(tmp_path / "s.nc").camera
+    weights = find_weights("default", slots)
+    assert camera.slots == slots
+    aperture, _ = camera.codes()
+    assert (aperture[:, :32, :32] == weights.codes["aperture"]).all()
+    main(["reconstruct", "s.nc", "--weights", "default", "--no-figures"])
+    assert (tmp_path / "s_network.nc").exists()
