@@ -13,16 +13,7 @@ from typing import Any
 import numpy as np
 
 Rng = np.random.Generator
-_TEXTS = {
-    ".yaml",
-    ".yml",
-    ".hdr",
-    ".csv",
-    ".txt",
-    ".cfg",
-    ".md",
-    ".zgroup",
-}
+_TEXTS = {".yaml", ".yml", ".hdr", ".csv", ".txt", ".cfg", ".md", ".zgroup"}
 _JSON = {".json", ".zattrs", ".zarray", ".zmetadata"}
 _HDF5 = {".nc", ".h5", ".mat", ".hdf5"}
 _TOKENS = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?|\"[^\"]*\"|[A-Za-z_]+|[\[\]{}:,=]")

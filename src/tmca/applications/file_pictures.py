@@ -9,15 +9,7 @@ import numpy as np
 
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.cameras import Snapshot, holds_snapshot
-from tmca.data import (
-    describe,
-    read,
-    read_array,
-    read_disparity,
-    read_light_field,
-    read_rgbd,
-    read_spectral_depth,
-)
+from tmca.data import describe, read, read_array, read_disparity, read_light_field, read_rgbd, read_spectral_depth
 from tmca.data.describe import is_prior
 from tmca.data.pixels import encoded
 from tmca.errors import DataError

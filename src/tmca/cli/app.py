@@ -23,10 +23,7 @@ COMMANDS = {
     "study": ("study:study", "Codes, noises, decoders and seeds of a YAML file: a comparison of your own."),
     "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),
     "export": ("lab.export:app", "Codes as files that devices show: DMD, LCoS, deformable mirror, shutter."),
-    "capture": (
-        "lab.capture:app",
-        "Show an export on a bench, simulated or real, and join frames into a snapshot.",
-    ),
+    "capture": ("lab.capture:app", "Show an export on a bench, simulated or real, and join frames into a snapshot."),
     "live": ("lab.live:app", "Decode what a bench captures as it comes: in the terminal, in a browser, recorded."),
     "scan": (
         "lab.scan:app",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
@@ -13,6 +13,9 @@ from tmca.cli.options.output import OutputOptions, check_targets, meaning, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
+
+if TYPE_CHECKING:
+    from tmca.decoders import Decoder
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _READING = OutputOptions(), TruthReading()
@@ -78,17 +81,20 @@ def reconstruct(
     camera, application = taken.camera, application_of(taken.camera)
     decoder = decoder or ("network" if weights else "dictionary" if dictionary else application.default_decoder)
     target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
+    available = decoders_for(camera.kind, moving=None)
+    cls = available.get(decoder)
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
-    settings = _given(decoder, camera.kind, how) | _settings(decoder, camera.kind, set_ or [])
-    prior_file = _prior(decoder, camera.kind, prior, dictionary)
-    asked = reading.of(application.kind)
-    moving = decoder in decoders_for(camera.kind, moving=True)
+    settings = _given(cls, how) | _settings(cls, set_ or [])
+    if dictionary is not None:
+        _check_dictionary(dictionary, decoder, camera.kind, available)
+        prior = dictionary
+    asked, moving = reading.of(application.kind), cls is not None and cls.moving
     check_targets(estimate_files(target, camera.kind, output.figures, moving), output.overwrite, snapshot)
     if truth is not None:
         compare_scene(taken.notes, truth)
     scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
     with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        estimate = decode(taken, decoder, prior=prior_file, progress=progress, device=device, bank=bank, **settings)
+        estimate = decode(taken, decoder, prior=prior, progress=progress, device=device, bank=bank, **settings)
     metrics = {} if scene is None else evaluate(estimate, scene)
     if scene is None:
         warn_of_estimate(estimate.values.numpy(force=True), "estimate")
@@ -99,40 +105,29 @@ def reconstruct(
     _tell(estimate, metrics, target, written, output)
 
 
-def _given(decoder: str, kind: str, options: dict[str, Any]) -> dict[str, Any]:
+def _given(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
     """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
-    from tmca.decoders import decoders_for
-
-    available = decoders_for(kind, moving=None)
-    predicts = decoder not in available or available[decoder].deviation
+    predicts = decoder is None or decoder.deviation
     return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
 
 
-def _prior(decoder: str, kind: str, prior: Path | None, dictionary: Path | None) -> Path | None:
-    """The file of the prior; a dictionary is that of the decoders which use one."""
-    from tmca.decoders import decoders_for
-
-    if dictionary is None:
-        return prior
-    using = [name for name, cls in decoders_for(kind).items() if cls.prior_kind == "dictionary"]
+def _check_dictionary(file: Path, decoder: str, kind: str, available: dict[str, type[Decoder]]) -> None:
+    using = [name for name, cls in available.items() if cls.prior_kind == "dictionary"]
     if decoder not in using:
         wanted = f"one for {', '.join(using)} alone" if using else f"none: no decoder of a {kind} camera uses one"
-        raise SettingError("dictionary", str(dictionary), wanted, "leave it out")
-    return dictionary
+        raise SettingError("dictionary", str(file), wanted, "leave it out")
 
 
-def _settings(decoder: str, kind: str, texts: list[str]) -> dict[str, Any]:
+def _settings(decoder: type[Decoder] | None, texts: list[str]) -> dict[str, Any]:
     """Settings of a decoder from ``NAME=VALUE``."""
     from tmca.arguments import checked_settings
-    from tmca.decoders import decoders_for
 
     pairs = [text.partition("=") for text in texts]
     for name, equals, _ in pairs:
         if not (name and equals):
             raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
-    available = decoders_for(kind, moving=None)
-    return checked_settings(available[decoder], named, texts=True) if decoder in available else dict(named)
+    return dict(named) if decoder is None else checked_settings(decoder, named, texts=True)
 
 
 def _tell(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
