@@ -1,6 +1,5 @@
 """``tmca train`` as a user meets it."""
 
-import json
 import os
 import signal
 import subprocess
@@ -9,6 +8,7 @@ import time
 
 import pytest
 
+from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.decoders import Weights
@@ -21,26 +21,16 @@ validate_every: 2
 """
 
 
-def train(folder, *more):
-    (folder / "run.yaml").write_text(TINY)
-    main(
-        [
-            "train",
-            "spectral",
-            "--config",
-            str(folder / "run.yaml"),
-            "--train",
-            "chelsea",
-            "--out",
-            str(folder / "run"),
-            *more,
-        ]
-    )
+RUN = ("train", "spectral", "--config", "run.yaml", "--train", "chelsea", "--out", "run", "--steps")
+
+
+@pytest.fixture(autouse=True)
+def described(tmp_path):
+    (tmp_path / "run.yaml").write_text(TINY + "checkpoint_every: 2\n")
 
 
 def test_a_run_leaves_weights_that_reconstruct(tmp_path, capsys):
-    train(tmp_path, "--steps", "2", "--validation", "rocket", "--json")
-    said = json.loads(capsys.readouterr().out)
+    said = answer(capsys, *RUN, "2", "--validation", "rocket")
     assert said["steps"] == 2
     assert said["best"]["psnr"] > 0
     assert Weights.load(said["weights"]).card["training"]["data"]["train"] == ["chelsea"]
@@ -53,25 +43,16 @@ def test_a_run_leaves_weights_that_reconstruct(tmp_path, capsys):
     assert "3 bands" in refused(capsys, "reconstruct", "other.nc", "--weights", said["weights"])
 
 
-def test_another_run_in_the_folder_is_refused(tmp_path, capsys):
-    train(tmp_path, "--steps", "1")
-    capsys.readouterr()
-    line = refused(
-        capsys, "train", "spectral", "--config", tmp_path / "run.yaml", "--train", "chelsea", "--out", tmp_path / "run",
-        "--steps", "2",
-    )  # fmt: skip
-    assert "optimiser.steps = 1, now 2" in line
+def test_another_run_in_the_folder_is_refused(capsys):
+    main([*RUN, "1"])
+    assert "optimiser.steps = 1, now 2" in refused(capsys, *RUN, "2")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_that_is_stopped_says_where(tmp_path, number):
-    (tmp_path / "run.yaml").write_text(TINY + "checkpoint_every: 2\n")
-    options = ["--config", "run.yaml", "--train", "chelsea", "--out", "run", "--steps", "100000"]
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tmca.cli", "train", "spectral", *options],
-        cwd=tmp_path, env={**os.environ, "OMP_NUM_THREADS": "1"}, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+    command, environment = [sys.executable, "-m", "tmca.cli", *RUN, "100000"], {**os.environ, "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     begun = time.monotonic()
     while not list((tmp_path / "run").glob("checkpoints/0*")):
         assert time.monotonic() - begun < 240

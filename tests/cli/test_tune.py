@@ -1,10 +1,9 @@
 """``tmca train --from`` as a user meets it, for every camera."""
 
-import json
-
 import pytest
 import torch
 
+from tests.cli.calls import answer
 from tests.training.test_tuning import system_of
 from tmca.cameras import Snapshot
 from tmca.cli import main
@@ -37,23 +36,23 @@ def capture(camera, *scene, name):
         Snapshot(camera(*scene), camera).save(f"captures/{name}.nc")
 
 
-def tune(*more):
-    main(["train", "--from", "run", "--captures", "captures", "--steps", "2", "--accelerator", "cpu", "--json", "--out",
-          "tuned", *more])  # fmt: skip
-
-
 @pytest.fixture(autouse=True)
 def folder(tmp_path):
     (tmp_path / "captures").mkdir()
     return tmp_path
 
 
-def report(capsys):
-    said = json.loads(capsys.readouterr().out)
+def tuned(capsys, folder):
+    """What is said of fine-tuning on the captures, one held out, after which the decoder is used."""
+    said = answer(capsys, "train", "--from", "run", "--captures", "captures", "--steps", "2", "--accelerator", "cpu",
+                  "--out", "tuned", "--validation", "rocket")  # fmt: skip
     assert said["held_out"] == ["rocket"]
     assert {"psnr"} <= set(said["before"]) <= set(said["best"])
     decides = "score" if "score" in said["before"] else "psnr"
     assert float(f"{said['best'][decides]:.6g}") >= said["before"][decides]  # the log has six digits
+    assert (folder / "tuned" / "before_after.png").exists()
+    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
+    assert (folder / "found.nc").exists()
     return said
 
 
@@ -73,13 +72,7 @@ def test_a_spectral_decoder(capsys, folder):
         cube = at_bands(load_scene(name, bands=None), camera.wavelengths)[:, : SIZE[0], : SIZE[1]]
         capture(camera, torch.from_numpy(cube.values.copy())[None], name=name)
         write_dataset(cube.to_dataset(name="radiance"), folder / "captures" / f"{name}_truth.nc")
-    capsys.readouterr()
-    tune("--validation", "rocket")
-    said = report(capsys)
-    assert (folder / "tuned" / "before_after.png").exists()
-    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
-    assert (folder / "found.nc").exists()
-    assert said["calibration"] is None
+    assert tuned(capsys, folder)["calibration"] is None
 
 
 def views_of(name):
@@ -95,12 +88,8 @@ def test_a_light_field_decoder(capsys, folder):
         field = views_of(name)
         capture(camera, torch.from_numpy(field.values.copy())[None], name=name)
         write_dataset(field.to_dataset(name="light_field"), folder / "captures" / f"{name}_truth.nc")
-    capsys.readouterr()
-    tune("--validation", "rocket")
-    report(capsys)
+    tuned(capsys, folder)
     windows_are_parts_of_the_whole(folder)
-    assert (folder / "tuned" / "before_after.png").exists()
-    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])
 
 
 @pytest.mark.slow
@@ -116,10 +105,5 @@ def test_a_spectral_depth_decoder(capsys, folder):
         depth = torch.from_numpy(scene["depth"].values.copy())[None, None]
         capture(camera, torch.from_numpy(scene["radiance"].values.copy())[None], depth.float(), name=name)
         write_dataset(scene, folder / "captures" / f"{name}_truth.nc")
-    capsys.readouterr()
-    tune("--validation", "rocket")
-    said = report(capsys)
-    assert said["best"]["depth_mae"] > 0
+    assert tuned(capsys, folder)["best"]["depth_mae"] > 0
     windows_are_parts_of_the_whole(folder)
-    assert (folder / "tuned" / "before_after.png").exists()
-    main(["reconstruct", "captures/coffee.nc", "--weights", "tuned", "--no-figures", "--out", "found.nc"])

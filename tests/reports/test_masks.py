@@ -26,11 +26,8 @@ def test_one_slot_is_a_static_mask(tmp_path):
     assert told == sorted(told)
     assert not found["multiplex"]
     assert "static mask" in found["advice"]
-    assert json.loads((tmp_path / "d" / "design.json").read_text())["effort"] == {
-        "starts": 1,
-        "steps": 1,
-        "rate": 0.003,
-    }
+    written = json.loads((tmp_path / "d" / "design.json").read_text())
+    assert written["effort"] == {"starts": 1, "steps": 1, "rate": 0.003}
     assert read_phase_codes(tmp_path / "d" / "codes.nc")["slots"] == 1
     assert advice.best.camera.bench.mask_pixels == 24
     with pytest.raises(OutputError, match="earlier"):
