@@ -27,8 +27,6 @@ def device_of(name: str | torch.device) -> torch.device:
             with enough_memory(device):
                 torch.zeros(1, device=device)
             return device
-    except SettingError:
-        raise
     except (RuntimeError, AssertionError, TypeError):
         pass
     there = ["cpu", *(["cuda"] if torch.cuda.is_available() else [])]

@@ -25,13 +25,12 @@ _OPTIONS = {"mixture": "mixture", SubspacePrior.kind: "any-bands"}
 Report = Callable[[float, str], None]
 """Called with the share that is done and what is done."""
 Read = Callable[[str], "xr.DataArray"]
-Settings = Callable[[Sequence["xr.DataArray"]], dict[str, Any]]
 
 
 def cube_reader(
     bands: int | None, extent: int | None, like: Path | None, reading: Mapping[str, Any], kind: str = "gaussian"
-) -> tuple[Read, Settings]:
-    """What reads the cubes of a prior, and its settings, from the cubes.
+) -> tuple[Read, dict[str, Any]]:
+    """What reads the cubes of a prior, and its settings.
 
     Args:
         bands: nearest to even spacing from 400 to 700 nm; all if None, and for a prior of any bands.
@@ -52,11 +51,7 @@ def cube_reader(
         cube = load_scene(source, bands=None if wavelengths or any_bands else bands, **reading)
         return at_bands(cube, wavelengths) if wavelengths else cube
 
-    def settings(cubes: Sequence[xr.DataArray]) -> dict[str, Any]:
-        given = cubes[0].sizes["wavelength"] - 1 if extent is None and not any_bands else extent
-        return {"extent": given, "block": block}
-
-    return read, settings
+    return read, {"extent": extent, "block": block}
 
 
 def _needed(like: Path, kind: str, extent: int | None) -> tuple[tuple[float, ...], tuple[int, int]]:
@@ -75,7 +70,7 @@ def write_prior(
     read: Read,
     out: Path,
     kind: str,
-    settings: Settings,
+    settings: Mapping[str, Any],
     *,
     seed: int = 0,
     figure: Path | None = None,
@@ -89,7 +84,7 @@ def write_prior(
         read: reads one.
         out: file to write.
         kind: of the prior.
-        settings: arguments of ``learn_prior``, from the scenes.
+        settings: arguments of ``learn_prior``; an ``extent`` that is None is one pixel per band, 54 for any bands.
         seed: of the blocks or patches that are drawn.
         figure: PNG to write.
         overwrite: replace files.
@@ -109,7 +104,9 @@ def write_prior(
         report(0.3 * index / len(names), f"reading {name}")
         scenes.append(read(name))
     report(0.3, f"learning the {kind} prior" if kind != "dictionary" else "learning the dictionary")
-    how: dict[str, Any] = {"seed": seed, **settings(scenes)}
+    how: dict[str, Any] = {"seed": seed, **settings}
+    if "extent" in how and how["extent"] is None and kind != SubspacePrior.kind:
+        how["extent"] = scenes[0].sizes["wavelength"] - 1
     if kind == "dictionary":
         how["progress"] = lambda share: report(0.3 + 0.7 * share, "learning the dictionary")
     prior = learn_prior(scenes, None, kind, **how)

@@ -105,7 +105,7 @@ def learn_views(
         return load_light_field(name, views=reading.views, **asked.of(name))
 
     with progress_bar(f"prior {out.name}") as progress:
-        learned = write_prior(names, read, out, kind, lambda _: settings, progress=progress, **how)
+        learned = write_prior(names, read, out, kind, settings, progress=progress, **how)
     channels, rows, columns = learned.block
     what = {"dictionary": "dictionary of patches", "mixture": "Gaussian mixture of blocks"}
     print(f"{out}: {what.get(kind, 'Gaussian prior of blocks')} {channels} × {rows} × {columns} (views, rows, columns)")

@@ -181,15 +181,7 @@ def _rank() -> int:
 
 
 def _run_with_bar(title: str, doing: str, load: Callable[[str], Any], run: Callable[..., Any], accelerator: str) -> Any:
-    """A run of any kind with a progress bar.
-
-    Args:
-        title: of the bar.
-        doing: what it says of a step.
-        load: reads a scene or capture by its name.
-        run: called with what reads and says so, and with the engine's arguments of `tmca.training.train`.
-        accelerator: auto, cpu or cuda.
-    """
+    """``run``, which takes what reads a scene and the engine's arguments of `tmca.training.train`, with a bar."""
     processes = int(os.environ.get("LOCAL_WORLD_SIZE", "1"))
     nodes = int(os.environ.get("WORLD_SIZE", "1")) // processes
     with progress_bar(title) as bar:

@@ -11,8 +11,6 @@ from tmca.errors import SettingError
 from tmca.yaml_files import read_yaml
 
 Pair = tuple[float, float]
-
-
 _TWO = "pixels, one number or (rows, columns), within ±1000"
 
 
@@ -112,7 +110,8 @@ class Hardware:
         for name in values:
             if name not in LIMITS:
                 raise SettingError("hardware", repr(name), f"one of {', '.join(LIMITS)}")
-        return cls(**{name: _stored(name, value) for name, value in values.items()})  # type: ignore[arg-type]
+        numbers = {name: _numbers(name, value) for name, value in values.items()}
+        return cls(**{name: each if len(each) == 2 else each[0] for name, each in numbers.items()})  # type: ignore[arg-type]
 
     @classmethod
     def read(cls, text: str | None) -> Hardware:
@@ -159,9 +158,8 @@ class Hardware:
                 raise SettingError(name, str(getattr(self, name)), expected, "take a camera with buckets=2")
             if name in PARTS[application]:
                 possible = ", ".join(other for other in LIMITS if other not in PARTS[application])
-                raise SettingError(
-                    name, str(getattr(self, name)), f"none in a {application} camera, which has {possible}"
-                )
+                expected = f"none in a {application} camera, which has {possible}"
+                raise SettingError(name, str(getattr(self, name)), expected)
 
 
 LIMITS = {one.name: dict(one.metadata) for one in fields(Hardware)}
@@ -181,11 +179,6 @@ def _numbers(name: str, value: Any) -> tuple[float, ...]:
         return tuple(float(part) for part in parts)
     except (TypeError, ValueError):
         raise SettingError(name, repr(value), LIMITS[name]["unit"]) from None
-
-
-def _stored(name: str, value: Any) -> float | Pair:
-    numbers = _numbers(name, value)
-    return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
 
 
 def _named(text: str) -> dict[str, Any]:
