@@ -7,6 +7,9 @@ from math import inf, isfinite
 from numbers import Real
 from typing import Any
 
+_LONGEST, _END = 250, 50
+"""Characters of what is shown of what was met, which may come from a file, and of its end."""
+
 
 class TmcaError(Exception):
     """An input that tmca cannot use.
@@ -21,22 +24,15 @@ class TmcaError(Exception):
     """
 
     def __init__(self, where: object, found: str, expected: str = "", remedy: str = "") -> None:
-        self.where, self.found, self.expected, self.remedy = str(where), _cut(found), expected, remedy
+        if len(found) > _LONGEST:  # too long to be read
+            found = f"{found[: _LONGEST - _END]} … {found[-_END:]}"
+        self.where, self.found, self.expected, self.remedy = str(where), found, expected, remedy
         text = f"{where}: found {self.found}"
         if expected:
             text += f", expected {expected}"
         if remedy:
             text += f"; {remedy}"
         super().__init__(" ".join(text.split()))
-
-
-_LONGEST, _END = 250, 50
-"""Characters of what is shown of what was met, which may come from a file, and of its end."""
-
-
-def _cut(text: str) -> str:
-    """The text without the middle of what is too long to be read."""
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - _END]} … {text[-_END:]}"
 
 
 class DataError(TmcaError):

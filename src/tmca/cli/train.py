@@ -13,7 +13,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
-from tmca.cli.options.output import say
+from tmca.cli.options.output import Json, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, ViewsReading
@@ -39,7 +39,7 @@ def fine_tune(
     patch: MaybeWhole = None,
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     accelerator: str = "auto",
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Json = False,
 ) -> None:
     """Fine-tune the decoder of a trained run, of any camera, on captures with their truth. The same command goes on.
 
@@ -59,7 +59,6 @@ def fine_tune(
         patch: rows of these windows; whole captures up to 256 rows without it.
         set_: a setting of data, optimiser, precision, validate_every, checkpoint_every or seed, as optimiser.loss=l1.
         accelerator: auto, cpu or cuda.
-        json: print the result as JSON.
     """
     if from_ is None or captures is None or out is None:
         needed = {"--from": from_, "--captures": captures, "--out": out}
@@ -95,8 +94,7 @@ class RunOptions:
     "Optimiser steps."
     accelerator: str = "auto"
     "auto, cpu or cuda."
-    json: Annotated[bool, Parameter(negative="")] = False
-    "Print the result as JSON."
+    json: Json = False
 
     def settings(self, kind: str, beside: Mapping[str, Any]) -> Any:
         """Settings of a run; ``beside`` are those that other options say, by dotted name."""
