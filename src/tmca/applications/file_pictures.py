@@ -70,11 +70,7 @@ def _light_field(
     pattern: str | None = None,
     lens: tuple[int, int] | None = None,
 ) -> Figure:
-    """The picture of a file or folder that `tmca.data.describe`, called with the same arguments, calls a light field.
-
-    Raises:
-        DataError: it cannot be read.
-    """
+    """The picture of a file or folder that `tmca.data.describe`, called with the same arguments, calls a light field."""
     how: dict[str, Any] = {"pattern": pattern, "lens": lens}
     facts = describe(path, variable, **how)["light_field"]
     most = min(facts["views"])

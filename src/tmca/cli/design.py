@@ -163,12 +163,7 @@ def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
 
 
 def _sheet(file: Path | None, options: SheetSpec) -> Any:
-    """The sensor's sheet of a YAML file, its values replaced by options.
-
-    Raises:
-        DataError: a file that cannot be read.
-        SettingError: a value that is impossible.
-    """
+    """The sensor's sheet of a YAML file, its values replaced by options."""
     from tmca.design import SensorSheet
 
     stored = {} if file is None else read_yaml(file, "YAML with names and values, such as full_well: 10000")
