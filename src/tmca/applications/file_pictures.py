@@ -40,14 +40,12 @@ def picture_of(path: Path, out: Path, *, variable: str | None = None, overwrite:
 
 def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     description = describe(path, variable, **views)
-    names = set(description.get("variables", {})) | set(description.get("coords", {}))
-    if holds_snapshot(names):
+    if holds_snapshot({*description["variables"]}):
         return snapshot_figure(Snapshot.load(path), path.name)
     if is_prior(description):
-        figure: Figure = load_prior(path).figure()
-        return figure
+        return load_prior(path).figure()
     if description["kind"] == "light field":
-        return _light_field(path, variable, **views)
+        return _light_field(path, variable, description["light_field"], views)
     if description["kind"] == "RGB-D scene":
         return _rgbd(path)
     if description["kind"] == "spectral-depth scene" or (
@@ -63,16 +61,8 @@ def _figure(path: Path, variable: str | None, views: dict[str, Any]) -> Figure:
     return image_figure(values, path.name)
 
 
-def _light_field(
-    path: Path,
-    variable: str | None = None,
-    *,
-    pattern: str | None = None,
-    lens: tuple[int, int] | None = None,
-) -> Figure:
-    """The picture of a file or folder that `tmca.data.describe`, called with the same arguments, calls a light field."""
-    how: dict[str, Any] = {"pattern": pattern, "lens": lens}
-    facts = describe(path, variable, **how)["light_field"]
+def _light_field(path: Path, variable: str | None, facts: dict[str, Any], how: dict[str, Any]) -> Figure:
+    """Views of what `tmca.data.describe` says these ``facts`` of, as a mosaic, and the centre one."""
     most = min(facts["views"])
     views, shortest = most - (most % 2 == 0), min(facts["size"])
     scale = min(shortest, max(1, round(max(facts["size"]) * views / _MOSAIC_PX)))
@@ -80,7 +70,7 @@ def _light_field(
     centre = read_light_field(path, views=1, colour=facts["colour"], variable=variable, **how)
     truth = facts["disparity"]
     has_truth = truth is not None and truth["min"] is not None
-    disparity = read_disparity(path, pattern=pattern).values if has_truth else None
+    disparity = read_disparity(path, pattern=how.get("pattern")).values if has_truth else None
     return light_field_views(centre.values, small.values, disparity, path.name)
 
 
