@@ -11,8 +11,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from tmca.data.formats import envi, images, matlab, views  # noqa: F401 (each registers its suffixes)
+from tmca.data.formats.arrays import open_zarr
 from tmca.data.formats.stored import OPENERS, Contents, Opener, whole_file
-from tmca.data.formats.zarr_stores import open_zarr
 from tmca.errors import DataError
 
 GROUP = "tmca.formats"
