@@ -17,8 +17,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
-from tmca.data.folders import output_error
-from tmca.data.locks import LOCK, NoLocks, lock
+from tmca.data.folders import LOCK, NoLocks, lock, output_error
 from tmca.errors import OutputError
 
 _PATIENCE, _QUIET = 1.0, 0.3

@@ -1,16 +1,24 @@
-"""Folders of outputs: made, checked before long work, and held by one process at a time."""
+"""Folders of outputs: made, checked before long work, and held by one process at a time.
+
+The system lets go of locks, whatever ends the process that holds them.
+"""
 
 from __future__ import annotations
 
 import errno
+import fcntl
+import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
-from tmca.data.locks import LOCK, NoLocks, lock
 from tmca.errors import OutputError
 
+LOCK = ".lock"
+"""Name of the file in a folder; one that a killed process left behind holds nobody back."""
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS)
 _REASONS = {
     errno.ENOSPC: ("a full disk", "room for the file", "free some space or write elsewhere"),
     errno.EDQUOT: ("a full disk quota", "room for the file", "free some space or write elsewhere"),
@@ -109,3 +117,28 @@ def output_error(path: str | Path, error: OSError) -> OutputError:
     code = errno.ENOSPC if error.errno is None and " requested and " in str(error) else error.errno
     found, expected, remedy = _REASONS.get(code or 0, unknown)
     return OutputError(path, found, expected, remedy)
+
+
+class NoLocks(OSError):
+    """A disk that knows no locks."""
+
+
+def lock(file: Path) -> TextIO | None:
+    """The open lock file, held until it is closed; None where another process holds it or takes it away.
+
+    Raises:
+        NoLocks: the disk has none.
+        OSError: the file cannot be made.
+    """
+    handle = file.open("w")
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        handle.close()
+        if isinstance(error, BlockingIOError):
+            return None
+        raise NoLocks(*error.args) if error.errno in _NO_LOCKS else error from None
+    if os.fstat(handle.fileno()).st_nlink == 0:  # taken away by the process that ended in this moment
+        handle.close()
+        return None
+    return handle

@@ -12,7 +12,7 @@ from typing import Any
 from tmca.attributes import NamedJson, read_json
 from tmca.data import held_folder, write_json
 from tmca.data.atomic import sweep_all
-from tmca.data.locks import LOCK
+from tmca.data.folders import LOCK
 from tmca.errors import OutputError, TmcaError
 from tmca.training.checkpoints import latest_checkpoint
 from tmca.training.scenes import SceneLists
