@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from itertools import permutations
+
 import h5py
 import numpy as np
 import pytest
@@ -64,6 +67,91 @@ def save_cave(folder, cube, mode="uint16"):
     return folder
 
 
+def save_netcdf(path, pixels, nm, unit="nm", order=("wavelength", "y", "x"), engine="h5netcdf"):
+    axis = ("wavelength", nm * {"nm": 1.0, "um": 1e-3, "m": 1e-9}[unit], {"units": unit})
+    stored = xr.DataArray(pixels, dims=("wavelength", "y", "x"), coords={"wavelength": axis}, name="r")
+    stored.transpose(*order).to_netcdf(path, engine=engine)
+
+
+def save_hdf5(path, pixels, nm):
+    with h5py.File(path, "w") as file:
+        file.create_dataset("scan/cube", data=pixels)
+        file.create_dataset("scan/wavelengths", data=nm / 1000).attrs["units"] = "um"
+        file.create_dataset("scan/dark", data=np.zeros((10, 13)))
+
+
+def save_zarr(path, pixels, nm):
+    group = zarr.open_group(str(path), mode="w")
+    group["cube"], group["wavelength_nm"] = pixels, nm
+
+
+def save_tiff(path, pixels, nm):
+    """Its wavelengths in a list beside it, or as OME has them."""
+    channels = {"EmissionWavelength": nm.tolist(), "EmissionWavelengthUnit": ["nm"] * 7}
+    about = {"metadata": {"axes": "CYX", "Channel": channels}} if ".ome" in path.name else {}
+    tifffile.imwrite(path, pixels, photometric="minisblack", **about)
+    if not about:
+        path.with_suffix(".wavelengths.txt").write_text("# nm\n" + "\n".join(map(str, nm)))
+
+
+def save_envi_as(interleave, units):
+    return lambda path, pixels, nm: save_envi(path.parent, pixels, nm, interleave, units)
+
+
+def last(pixels):
+    return np.ascontiguousarray(np.moveaxis(pixels, 0, -1))
+
+
+STATED = {
+    **{f"{unit}.nc": partial(save_netcdf, unit=unit) for unit in ("nm", "um", "m")},
+    "classic.nc": partial(save_netcdf, engine="scipy"),
+    **{f"{''.join(order)}.nc": partial(save_netcdf, order=order) for order in permutations(("wavelength", "y", "x"))},
+    "five.mat": lambda path, pixels, nm: scipy.io.savemat(path, {"hyper": last(pixels), "wavelengths": nm}),
+    "seven.mat": lambda path, pixels, nm: save_73(
+        path, hyper=(last(pixels), "single"), wavelengths=(nm[:, None], "double")
+    ),
+    "a.h5": save_hdf5, "a.zarr": save_zarr, "a.tif": save_tiff, "a.ome.tif": save_tiff,
+    **{f"scene.{suffix} {interleave} {units}": save_envi_as(interleave, units) for suffix in ("hdr", "raw")
+       for interleave in ("bsq", "bil", "bip") for units in ("Nanometers", "Micrometers", "Unknown")},
+}  # fmt: skip
+"""Files that say their wavelengths, and what writes them."""
+SILENT = {
+    **{f"{axis}.npy": lambda path, pixels, axis=axis: np.save(path, np.moveaxis(pixels, 0, axis)) for axis in range(3)},
+    "a.zarr": lambda path, pixels: zarr.save_array(str(path), pixels),
+    "pages.tif": lambda path, pixels: tifffile.imwrite(path, pixels, photometric="minisblack"),
+    "last.tif": lambda path, pixels: tifffile.imwrite(path, last(pixels), photometric="minisblack"),
+    "contig.tif": lambda path, pixels: tifffile.imwrite(
+        path, last(pixels), photometric="minisblack", planarconfig="contig"
+    ),
+}  # fmt: skip
+"""Files that do not."""
+
+
+@pytest.mark.parametrize("name", [*STATED, *(f"without wavelengths: {name}" for name in SILENT)])
+def test_every_format_gives_the_same_cube(pixels, nm, tmp_path, name):
+    silent = name.removeprefix("without wavelengths: ") if name.startswith("without") else None
+    path, options = tmp_path / (silent or name.partition(" ")[0]), {}
+    if silent:
+        SILENT[silent](path, pixels)
+        options["wavelengths"] = nm_to_metres(nm)
+    else:
+        STATED[name](path, pixels, nm)
+    back = read(path, **options)
+    np.testing.assert_array_equal(back, pixels)
+    np.testing.assert_array_equal(back.wavelength, nm_to_metres(nm))
+    assert back.attrs["wavelengths_from"] == ("argument" if silent else "sidecar" if name == "a.tif" else "file")
+    np.testing.assert_array_equal(read(path, bands=[5, 2], **options), pixels[[5, 2]])
+
+
+def test_what_is_missing_and_what_is_chosen_is_told(pixels, nm, tmp_path):
+    tifffile.imwrite(tmp_path / "plain.tif", pixels, photometric="minisblack")
+    with pytest.raises(DataError, match=r"7 bands without wavelengths.*plain.tif.wavelengths.txt"):
+        read(tmp_path / "plain.tif")
+    save_hdf5(tmp_path / "a.h5", pixels, nm)
+    assert read(tmp_path / "a.h5").attrs["variable"] == "scan/cube"
+    np.testing.assert_array_equal(read_array(tmp_path / "a.h5", "scan/wavelengths"), nm / 1000)
+
+
 def test_a_foreign_cube_above_one_is_divided_by_its_maximum(cube, tmp_path):
     foreign = cube.copy(data=cube.values * 3).drop_attrs(deep=False)
     foreign.to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
@@ -75,39 +163,6 @@ def test_a_foreign_cube_above_one_is_divided_by_its_maximum(cube, tmp_path):
 def test_spatial_coordinates_survive(cube, tmp_path):
     placed = cube.assign_coords(y=np.linspace(0, 1, 10), x=np.linspace(0, 2, 13))
     xr.testing.assert_equal(read(write_dataset(placed, tmp_path / "a.nc")), placed)
-
-
-@pytest.mark.parametrize("order", [("y", "x", "wavelength"), ("x", "y", "wavelength"), ("wavelength", "x", "y")])
-def test_named_axes_are_put_in_order(cube, tmp_path, order):
-    cube.transpose(*order).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
-    xr.testing.assert_equal(read(tmp_path / "a.nc"), cube)
-    xr.testing.assert_equal(read(tmp_path / "a.nc", bands=[1, 4]), cube[[1, 4]])
-
-
-def test_netcdf_before_version_4_is_read(cube, tmp_path):
-    cube.to_netcdf(tmp_path / "a.nc", engine="scipy")
-    xr.testing.assert_allclose(read(tmp_path / "a.nc"), cube)
-
-
-@pytest.mark.parametrize(("unit", "factor"), [("nm", 1.0), ("um", 1e-3), ("m", 1e-9)])
-def test_netcdf_wavelengths_of_any_unit_become_metres(pixels, nm, tmp_path, unit, factor):
-    axis = ("wavelength", nm * factor, {"units": unit})
-    xr.DataArray(pixels, dims=("wavelength", "y", "x"), coords={"wavelength": axis}, name="r").to_netcdf(
-        tmp_path / "a.nc", engine="h5netcdf"
-    )
-    np.testing.assert_array_equal(read(tmp_path / "a.nc").wavelength, nm_to_metres(nm))
-
-
-def test_matlab_5_and_73_have_the_same_axes(pixels, nm, tmp_path):
-    cube = pixels.transpose(1, 2, 0).astype(np.float64)
-    scipy.io.savemat(tmp_path / "five.mat", {"hyper": cube, "wavelengths": nm})
-    save_73(tmp_path / "seven.mat", hyper=(cube, "double"), wavelengths=(nm[:, None], "double"))
-    for name in ("five.mat", "seven.mat"):
-        back = read(tmp_path / name)
-        np.testing.assert_array_equal(back, pixels)
-        np.testing.assert_array_equal(back.wavelength_nm, nm)
-        np.testing.assert_array_equal(read(tmp_path / name, bands=[5, 2]), pixels[[5, 2]])
-        np.testing.assert_array_equal(read_array(tmp_path / name, "hyper"), cube)
 
 
 def test_icvl_is_divided_by_twelve_bits(tmp_path):
@@ -157,61 +212,11 @@ def test_cave_watercolors_has_one_luminance_in_rgba(tmp_path):
     assert back.attrs["scale"] == 255
 
 
-@pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
-@pytest.mark.parametrize("units", ["Nanometers", "Micrometers", "Unknown"])
-def test_envi_of_every_interleave_and_unit(pixels, nm, tmp_path, interleave, units):
-    header = save_envi(tmp_path, pixels, nm, interleave, units)
-    for path in (header, header.with_suffix(".raw")):
-        back = read(path)
-        np.testing.assert_array_equal(back, pixels)
-        np.testing.assert_array_equal(back.wavelength_nm, nm)
-    np.testing.assert_array_equal(read(header, bands=[6, 0]), pixels[[6, 0]])
-
-
-def test_tiff_with_labels_sidecar_or_argument(pixels, nm, tmp_path):
-    tifffile.imwrite(tmp_path / "plain.tif", pixels, photometric="minisblack")
-    with pytest.raises(DataError, match=r"7 bands without wavelengths.*plain.tif.wavelengths.txt"):
-        read(tmp_path / "plain.tif")
-    argument = read(tmp_path / "plain.tif", wavelengths=nm_to_metres(nm))
-    np.testing.assert_array_equal(argument, pixels)
-    assert argument.attrs["wavelengths_from"] == "argument"
-    (tmp_path / "plain.wavelengths.txt").write_text("# nm\n" + "\n".join(map(str, nm)))
-    sidecar = read(tmp_path / "plain.tif")
-    np.testing.assert_array_equal(sidecar.wavelength_nm, nm)
-    assert sidecar.attrs["wavelengths_from"] == "sidecar"
-    np.testing.assert_array_equal(read(tmp_path / "plain.tif", bands=[2]), pixels[[2]])
-
-
-@pytest.mark.parametrize("planar", [None, "contig"])
-def test_the_bands_of_a_tiff_may_come_last(pixels, nm, tmp_path, planar):
-    last = np.ascontiguousarray(np.moveaxis(pixels, 0, -1))
-    tifffile.imwrite(tmp_path / "last.tif", last, photometric="minisblack", planarconfig=planar)
-    np.testing.assert_array_equal(read(tmp_path / "last.tif", wavelengths=nm_to_metres(nm)), pixels)
-    np.testing.assert_array_equal(
-        read(tmp_path / "last.tif", wavelengths=nm_to_metres(nm), bands=[5, 2]), pixels[[5, 2]]
-    )
-
-
 def test_a_tiff_of_a_known_set_may_have_its_bands_last(tmp_path):
     cube = np.random.default_rng(0).random((40, 41, 31), dtype=np.float32)
     tifffile.imwrite(tmp_path / "cave.tif", cube, photometric="minisblack")
     assert describe(tmp_path / "cave.tif")["spectral_axis"] == 2
     np.testing.assert_array_equal(read(tmp_path / "cave.tif"), np.moveaxis(cube, -1, 0))
-
-
-def test_ome_tiff_channels_carry_wavelengths(pixels, nm, tmp_path):
-    channels = {"EmissionWavelength": nm.tolist(), "EmissionWavelengthUnit": ["nm"] * 7}
-    about = {"axes": "CYX", "Channel": channels}
-    tifffile.imwrite(tmp_path / "a.ome.tif", pixels, photometric="minisblack", metadata=about)
-    back = read(tmp_path / "a.ome.tif")
-    np.testing.assert_array_equal(back, pixels)
-    np.testing.assert_array_equal(back.wavelength_nm, nm)
-
-
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_npy_spectral_axis_is_found_by_the_wavelengths(pixels, nm, tmp_path, axis):
-    np.save(tmp_path / "a.npy", np.moveaxis(pixels, 0, axis))
-    np.testing.assert_array_equal(read(tmp_path / "a.npy", wavelengths=nm_to_metres(nm)), pixels)
 
 
 def test_the_odd_axis_out_is_the_spectral_one(tmp_path):
@@ -222,27 +227,6 @@ def test_the_odd_axis_out_is_the_spectral_one(tmp_path):
     np.save(tmp_path / "b.npy", np.zeros((20, 20, 20)))
     with pytest.raises(DataError, match=r"no axis stands out"):
         read(tmp_path / "b.npy")
-
-
-def test_plain_hdf5_with_groups_and_wavelengths_beside(pixels, nm, tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        file.create_dataset("scan/cube", data=pixels)
-        file.create_dataset("scan/wavelengths", data=nm / 1000).attrs["units"] = "um"
-        file.create_dataset("scan/dark", data=np.zeros((10, 13)))
-    back = read(tmp_path / "a.h5")
-    np.testing.assert_array_equal(back, pixels)
-    np.testing.assert_array_equal(back.wavelength_nm, nm)
-    assert back.attrs["variable"] == "scan/cube"
-
-
-def test_plain_zarr_array_and_group(pixels, nm, tmp_path):
-    zarr.save_array(str(tmp_path / "a.zarr"), pixels)
-    np.testing.assert_array_equal(read(tmp_path / "a.zarr", wavelengths=nm_to_metres(nm)), pixels)
-    group = zarr.open_group(str(tmp_path / "b.zarr"), mode="w")
-    group["cube"], group["wavelength_nm"] = pixels, nm
-    back = read(tmp_path / "b.zarr")
-    np.testing.assert_array_equal(back, pixels)
-    np.testing.assert_array_equal(back.wavelength_nm, nm)
 
 
 def test_pictures_are_read_as_arrays(tmp_path):
