@@ -150,7 +150,7 @@ def test_a_reduced_scene_averages_light_and_samples_depth(tmp_path, cube, depth)
     stem = scenes.open3d(tmp_path)
     made = read_spectral_depth(stem, from_rgb=True, reduce=2)
     np.testing.assert_array_equal(made["depth"], read_rgbd(stem, scale=2)["depth"])
-    with pytest.raises(SettingError, match="whole number from 1"):
+    with pytest.raises(SettingError, match="a whole number, 1 to 10"):
         read_spectral_depth(path, reduce=0)
 
 

@@ -75,7 +75,9 @@ def read(
     with open_contents(path) as contents:
         views = find_light_field(contents, variable)
         if views is not None:
-            _no_bands(path, given, bands)
+            for name, value in (("wavelengths", given), ("bands", bands)):
+                if value is not None:
+                    raise SettingError(name, f"some for {path}", "none: it is a light field", "leave them out")
             return load_views(contents, views, divide_by=scale)
         stored, axis, metres, origin = locate_cube(contents, variable, given)
         chosen = _band_indices(bands, stored.shape[axis])
@@ -92,12 +94,6 @@ def read(
         "wavelengths_from": origin,
     }
     return label(pixels, metres[chosen], about, coords)
-
-
-def _no_bands(path: str | Path, wavelengths: object, bands: object) -> None:
-    for name, value in (("wavelengths", wavelengths), ("bands", bands)):
-        if value is not None:
-            raise SettingError(name, f"some for {path}", "none: it is a light field", "leave them out")
 
 
 def label(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tmca.data.formats.wavelengths import metres_to_nm
 from tmca.data.in_memory import as_cube, as_depth_scene, as_views
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -92,8 +92,7 @@ def centre_window(
         SettingError: not a whole number above 0, or a crop larger than the views.
     """
     step = 1 if scale is None else scale
-    if isinstance(step, bool) or not isinstance(step, (int, np.integer)) or not 1 <= step <= min(size):
-        raise SettingError("scale", repr(scale), f"a whole number from 1 to {min(size)}", "views are never enlarged")
+    check_range("scale", step, 1, min(size), whole=True, remedy="views are never enlarged")
     reduced = size[0] // step, size[1] // step
     height, width = reduced if crop is None else crop
     if not (1 <= height <= reduced[0] and 1 <= width <= reduced[1]):

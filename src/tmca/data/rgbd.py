@@ -166,13 +166,9 @@ def _inner(whole: int, part: int) -> slice:
 
 
 def _middlebury_2014(files: RgbdFiles, picture: Path, depth: Path) -> Loaded:
-    stereo = rgbd_files.middlebury_2014(files.folder / "calib.txt")
-    return _stereo(_encoded(picture), read_picture(depth), stereo)
-
-
-def _skimage(files: RgbdFiles, picture: Path, depth: Path) -> Loaded:
+    """Also scikit-image's copies, which may lack their calibration."""
     pixels, sheet, stereo = _encoded(picture), files.folder / "calib.txt", Stereo()
-    if sheet.is_file():
+    if sheet.is_file() or files.layout.data_set == rgbd_files.MIDDLEBURY_2014:
         stereo = rgbd_files.middlebury_2014(sheet)
     elif files.stem == "motorcycle":
         stereo = rgbd_files.motorcycle(pixels.shape[1])
@@ -215,7 +211,7 @@ def _light_field(folder: Path) -> Loaded:
 _READERS: dict[str, Callable[[RgbdFiles, Path, Path], Loaded]] = {
     rgbd_files.MIDDLEBURY_2005: _middlebury_2005,
     rgbd_files.MIDDLEBURY_2014: _middlebury_2014,
-    rgbd_files.SKIMAGE: _skimage,
+    rgbd_files.SKIMAGE: _middlebury_2014,
     rgbd_files.NYUV2: _nyuv2,
     rgbd_files.OPEN3D: _open3d,
 }

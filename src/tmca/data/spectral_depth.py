@@ -251,11 +251,8 @@ def _plane(shape: tuple[int, int], rng: np.random.Generator) -> Map:
 
 
 def _slanted(shape: tuple[int, int], rng: np.random.Generator) -> Map:
-    return _ramp(shape, rng.uniform(-np.pi, np.pi))
-
-
-def _ramp(shape: tuple[int, int], angle: float) -> Map:
     """A plane in space: inverse depth is linear in the picture."""
+    angle = rng.uniform(-np.pi, np.pi)
     y, x = (axis - (n - 1) / 2 for axis, n in zip(np.mgrid[: shape[0], : shape[1]], shape, strict=True))
     return _stretched(np.sin(angle) * y + np.cos(angle) * x)
 

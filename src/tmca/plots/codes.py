@@ -138,17 +138,8 @@ def psf_figure(rows: Mapping[str, np.ndarray], metres: Sequence[float]) -> Figur
     return figure
 
 
-def sub_images(code: np.ndarray) -> np.ndarray:
-    """A code at the mask ``(V, U, H, W)`` as an array of sub-images, one of V × U pixels for each mask point.
-
-    Returns:
-        ``(H·(V+1) - 1, W·(U+1) - 1)``, not a number between the sub-images.
-    """
-    return mosaic(np.moveaxis(code, (2, 3), (0, 1)), gap=1)
-
-
 def sub_images_figure(code: np.ndarray, name: str) -> Figure:
-    """Sub-images of mask points in the middle of a code (thesis figure 15).
+    """Sub-images, of V × U pixels each, of the mask points in the middle of a code (thesis figure 15).
 
     A static code answers alike to all rays through a mask point; a time-multiplexed one tells their angles apart. The
     ticks name the views of the first sub-image, from which its rays come.
@@ -157,12 +148,13 @@ def sub_images_figure(code: np.ndarray, name: str) -> Figure:
         code: ``(V, U, Hm, Wm)`` transmittance seen from the mask.
         name: in the title.
     """
-    shown = _middle(np.asarray(code))
-    sheet, (v, u, rows, columns) = sub_images(shown), shown.shape
+    top, left = ((length - min(_POINTS, length)) // 2 for length in code.shape[2:])
+    shown = code[:, :, top : top + _POINTS, left : left + _POINTS]
+    sheet, (v, u, rows, columns) = mosaic(np.moveaxis(shown, (2, 3), (0, 1)), gap=1), shown.shape
     figure, axes = grid(1, 1, width=4.4, aspect=min(max(sheet.shape[0] / sheet.shape[1], 0.6), 2.5))
-    title, top = f"{name}\n{rows} × {columns} mask points, {v} × {u} angles each", float(np.nanmax(sheet)) or 1.0
+    title, highest = f"{name}\n{rows} × {columns} mask points, {v} × {u} angles each", float(np.nanmax(sheet)) or 1.0
     bar = "transmittance over the exposure"
-    image(axes[0, 0], sheet, title, "gray", top, bar, unknown="#8fb8de")
+    image(axes[0, 0], sheet, title, "gray", highest, bar, unknown="#8fb8de")
     _name_angles(axes[0, 0], (v, u))
     return figure
 
@@ -174,12 +166,6 @@ def _name_angles(axis: Axes, views: tuple[int, ...]) -> None:
         ticks(places, [f"{place - count // 2}" for place in places], fontsize=6)
     axis.set_xlabel("mask columns, in each the angles of views u", fontsize=8)
     axis.set_ylabel("mask rows, in each the angles of views v", fontsize=8)
-
-
-def _middle(code: np.ndarray) -> np.ndarray:
-    """The middle mask points, whose rays meet the sensor in every view."""
-    top, left = ((length - min(_POINTS, length)) // 2 for length in code.shape[2:])
-    return code[:, :, top : top + _POINTS, left : left + _POINTS]
 
 
 def measures_figure(

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.metrics import disparity_error, light_field_metrics
+from tmca.metrics.disparity import BAD_PIXEL
 from tmca.plots.style import add_bar, bare, grid, image, rms
 from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
 
@@ -140,8 +142,6 @@ def _picture(axis: Axes, values: np.ndarray, title: str, **how: Any) -> None:
 
 def _quality(estimate: np.ndarray, truth: np.ndarray) -> str:
     """PSNR of the whole light field and SSIM."""
-    from tmca.metrics import light_field_metrics
-
     scores = light_field_metrics(estimate, truth)
     similarity = f", SSIM {scores['ssim']:.3f}" if np.isfinite(scores["ssim"]) else ""
     return f"{scores['psnr']:.2f} dB{similarity}"
@@ -255,8 +255,5 @@ def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) 
 
 
 def _numbers(estimate: np.ndarray, truth: np.ndarray) -> str:
-    from tmca.metrics import disparity_error
-    from tmca.metrics.disparity import BAD_PIXEL
-
     errors = disparity_error(estimate, truth)
     return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"

@@ -79,11 +79,6 @@ def _draw_spectra(axis: Axes, mean: np.ndarray, variance: np.ndarray, wavelength
     plain_axes(axis, "spectrum of a pixel", name, "relative irradiance")
 
 
-def atom_mosaic(atom: np.ndarray, views: tuple[int, int]) -> np.ndarray:
-    """(V·h + V - 1, U·w + U - 1) views of an atom (V·U, h, w) side by side, a line of NaN between them."""
-    return mosaic(atom.reshape(*views, *atom.shape[1:]), gap=1)
-
-
 def dictionary_figure(atoms: np.ndarray, scales: np.ndarray, views: tuple[int, int]) -> Figure:
     """The most used atoms, the views of each side by side and on its own scale, and how the use falls off.
 
@@ -104,7 +99,7 @@ def dictionary_figure(atoms: np.ndarray, scales: np.ndarray, views: tuple[int, i
     places = figure.add_gridspec(rows + 1, _COLUMNS, height_ratios=[1] * rows + [1.4])
     for place, number in enumerate(np.argsort(-scales, kind="stable")[:shown]):
         axis = figure.add_subplot(places[divmod(place, _COLUMNS)])
-        _draw_atom(axis, atom_mosaic(atoms[number], views), float(scales[number]))
+        _draw_atom(axis, mosaic(atoms[number].reshape(*views, h, w), gap=1), float(scales[number]))
     _draw_use(figure.add_subplot(places[rows, :]), scales)
     return figure
 

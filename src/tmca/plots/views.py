@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tmca.errors import OutputError, ShapeError
+from tmca.metrics import estimate_disparity, moved_view
 from tmca.plots.style import bright_level, grid, image, mosaic
 
 if TYPE_CHECKING:
@@ -143,8 +144,6 @@ def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
     Raises:
         ShapeError: not a light field.
     """
-    from tmca.metrics import moved_view
-
     views = np.moveaxis(colour_views(light_field), -1, 2).astype(np.float32)
     rows, columns, *shape = views.shape
     total, count = np.zeros(shape, dtype=np.float32), np.zeros(shape[-2:], dtype=np.float32)
@@ -154,8 +153,7 @@ def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
             moved, (y, x) = moved_view(views[v, u], place, disparity)
             total[:, y, x] += moved
             count[y, x] += 1
-    # the centre view reaches every pixel
-    total /= count
+    total /= count  # the centre view reaches every pixel
     return total if np.ndim(light_field) == 5 else total[0]
 
 
@@ -171,8 +169,6 @@ def focus_steps(light_field: xr.DataArray) -> list[float]:
         From far to near, from the 5 % to the 95 % quantile and at least 1 wide; from -2 to 2 where there is a single
         view, fewer than 4 × 4 pixels, or no texture.
     """
-    from tmca.metrics import estimate_disparity
-
     grey = light_field.mean("colour") if "colour" in light_field.dims else light_field
     scale = max(1, round(min(grey.shape[2:]) / _SEARCHED))
     small = grey.coarsen(y=scale, x=scale, boundary="trim").mean().values
@@ -254,26 +250,18 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
     views, white = colour_views(light_field), brightest(light_field)
     walk = border_walk(*views.shape[:2])
     pixels = len(walk) * views[0, 0, ..., 0].size
-    scale, times = min(1.0, (_PIXELS / pixels) ** 0.5), _enlargement(pixels, max(views.shape[2:4]))
+    scale = min(1.0, (_PIXELS / pixels) ** 0.5)
+    times = max(1, min(ceil(_SIDE / max(views.shape[2:4])), isqrt(int(_REPEATED / pixels))))
     frames = [_frame(views[place], white, scale) for place in walk]
     palette = Image.fromarray(np.hstack([np.asarray(f) for f in frames[:: max(1, len(frames) // 4)]]))
     palette = palette.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    drawn = [_enlarged(frame.quantize(palette=palette, dither=Image.Dither.NONE), times) for frame in frames]
+    size = times * frames[0].width, times * frames[0].height
+    few = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    drawn = [frame.resize(size, Image.Resampling.NEAREST) for frame in few]
     with atomic_path(path, overwrite=overwrite) as temporary:
         duration = max(20, round(1000 * seconds / len(drawn)))
         drawn[0].save(temporary, format="GIF", save_all=True, append_images=drawn[1:], duration=duration, loop=0)
     return Path(path)
-
-
-def _enlargement(pixels: int, side: int) -> int:
-    """Whole factor for views with so many pixels in all and along the longer side; 1 leaves them."""
-    return max(1, min(ceil(_SIDE / side), isqrt(int(_REPEATED / pixels))))
-
-
-def _enlarged(frame: Image.Image, times: int) -> Image.Image:
-    from PIL import Image
-
-    return frame.resize((times * frame.width, times * frame.height), Image.Resampling.NEAREST)
 
 
 def _frame(view: np.ndarray, white: float, scale: float) -> Image.Image:

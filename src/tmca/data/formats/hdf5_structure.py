@@ -6,8 +6,9 @@ Scale Specification".
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +19,9 @@ _LOOKED_AT = 2**18
 """Bytes at either end of a file, where writers put what describes its data."""
 _HDF5, _FIRST_BLOCK, _LAST_BLOCK = b"\x89HDF\r\n\x1a\n", 512, 2**16
 """Signature of a superblock: at the beginning, or where a power of two of bytes of something else lie before it."""
-_TREE, _NODE = b"TREE", 8
+_TREE, _NODE = re.compile(b"TREE"), 8
 """Signature of a node of a tree, and the bytes of it before the addresses of its siblings."""
-_HEAP, _HEAD, _OBJECT = b"GCOL\x01\x00\x00\x00", 16, struct.Struct("<HHIQ")
+_HEAP, _HEAD, _OBJECT = re.compile(rb"GCOL\x01\x00\x00\x00"), 16, struct.Struct("<HHIQ")
 
 
 def misleading(path: Path) -> str:
@@ -40,7 +41,7 @@ def misleading(path: Path) -> str:
         return "a damaged superblock"
     if start is not None and _goes_round(ends, start):
         return "a damaged tree of names or chunks"
-    stuck = any(_stuck(end, place) for end in ends.values() for place in _places(end, _HEAP))
+    stuck = any(_stuck(end, place.start()) for end in ends.values() for place in _HEAP.finditer(end))
     return "a damaged heap of texts and references" if stuck else ""
 
 
@@ -69,7 +70,7 @@ def _goes_round(ends: Mapping[int, bytes], start: int) -> bool:
     size = ends[0][start + (13 if version < 2 else 9)]
     right: dict[int, int] = {}
     for offset, data in ends.items():
-        for place in _places(data, _TREE):
+        for place in (found.start() for found in _TREE.finditer(data)):
             sibling = data[place + _NODE + size : place + _NODE + 2 * size]
             right[offset + place - start] = int.from_bytes(sibling, "little")
     settled: set[int] = set()
@@ -82,13 +83,6 @@ def _goes_round(ends: Mapping[int, bytes], start: int) -> bool:
             node = right[node]
         settled |= row
     return False
-
-
-def _places(data: bytes, signature: bytes) -> Iterator[int]:
-    place = data.find(signature)
-    while place >= 0:
-        yield place
-        place = data.find(signature, place + 1)
 
 
 def _stuck(data: bytes, start: int) -> bool:
