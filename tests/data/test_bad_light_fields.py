@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -89,25 +91,6 @@ def test_folders_that_cannot_be_used(tmp_path, name, reader):
     assert said in str(caught.value)
 
 
-@pytest.mark.parametrize("count", ["nan", "inf", "0", "5.5", "1e30"])
-def test_an_impossible_number_of_cameras_is_refused(tmp_path, count):
-    folder = hci(tmp_path, without=("num_cams_x",))
-    edited(folder, "num_cams_y", f"num_cams_x = {count}\nnum_cams_y")
-    with pytest.raises(DataError) as caught:
-        read_light_field(folder)
-    assert caught.value.where == str(folder / "parameters.cfg")
-
-
-@pytest.mark.parametrize("name", ["focal_length_mm", "sensor_size_mm", "baseline_mm", "focus_distance_m"])
-@pytest.mark.parametrize("length", ["nan", "inf", "0", "-5"])
-def test_an_impossible_length_is_refused(tmp_path, name, length):
-    folder = hci(tmp_path, without=(name,))
-    edited(folder, "num_cams_y", f"{name} = {length}\nnum_cams_y")
-    with pytest.raises(DataError, match=f"{name} = {length}, expected a finite length above 0") as caught:
-        read_light_field(folder)
-    assert caught.value.where == str(folder / "parameters.cfg")
-
-
 @pytest.mark.parametrize(
     ("options", "where"),
     [
@@ -120,6 +103,24 @@ def test_impossible_wishes(tmp_path, options, where):
     with pytest.raises(SettingError) as caught:
         read_light_field(plain(tmp_path), **options)
     assert caught.value.where == where
+
+
+LENGTHS = ("focal_length_mm", "sensor_size_mm", "baseline_mm", "focus_distance_m")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        *(("num_cams_x", count, "a whole number of views from 1") for count in ("nan", "inf", "0", "5.5", "1e+30")),
+        *((name, length, "a finite length above 0") for name in LENGTHS for length in ("nan", "inf", "0", "-5")),
+    ],
+)
+def test_impossible_parameters_are_refused(tmp_path, name, value, expected):
+    folder = hci(tmp_path, without=(name,))
+    edited(folder, "num_cams_y", f"{name} = {value}\nnum_cams_y")
+    with pytest.raises(DataError, match=re.escape(f"{name} = {value}, expected {expected}")) as caught:
+        read_light_field(folder)
+    assert caught.value.where == str(folder / "parameters.cfg")
 
 
 def test_what_a_folder_does_not_have_is_refused(tmp_path):

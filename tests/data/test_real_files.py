@@ -12,19 +12,15 @@ from tmca.data import describe, read, read_array, read_split
 from tmca.errors import DataError
 
 CUBES = {
-    "hsi/cave_uint8_512/feathers.mat": ("orig", 31, 255, (400, 700)),
-    "hsi/cave_uint8_512/paints.mat": ("orig", 31, 255, (400, 700)),
-    "hsi/cave_uint8_512/toys.mat": ("orig", 31, 255, (400, 700)),
-    "hsi/cave_uint8_512/sushi.mat": ("orig", 31, 255, (400, 700)),
-    "hsi/cave_uint16_256/chart_and_stuffed_toy_256.mat": ("NRD", 31, 65535, (400, 700)),
-    "hsi/cave_uint16_256/real_and_fake_apples_256.mat": ("NRD", 31, 65535, (400, 700)),
-    "hsi/cave_crops/kbrdn_testMSI_1.mat": ("Omsi", 31, 1, (400, 700)),
-    "hsi/cave_crops/kbrdn_testMSI_2.mat": ("Omsi", 31, 1, (400, 700)),
-    "hsi/cave_crops/kbrdn_testMSI_3.mat": ("Omsi", 31, 1, (400, 700)),
-    "hsi/cave_crops/balloons_101_101_31.mat": ("Omsi", 31, 1, (400, 700)),
+    **{f"hsi/cave_uint8_512/{scene}.mat": ("orig", 31, 255, (400, 700))
+       for scene in ("feathers", "paints", "toys", "sushi")},
+    **{f"hsi/cave_uint16_256/{scene}_256.mat": ("NRD", 31, 65535, (400, 700))
+       for scene in ("chart_and_stuffed_toy", "real_and_fake_apples")},
+    **{f"hsi/cave_crops/{crop}.mat": ("Omsi", 31, 1, (400, 700))
+       for crop in (*(f"kbrdn_testMSI_{number}" for number in (1, 2, 3)), "balloons_101_101_31")},
     "hsi/hdsp_ccassi/fullFlor.mat": ("Ori", 11, 14607, (429.5, 687)),
     "hsi/samson/Samson.mat": ("T", 156, 1, (401, 889)),
-}
+}  # fmt: skip
 CUBES |= {
     f"hsi/cave_256/{scene}.mat": ("cube", 31, 65535, (400, 700))
     for scene in (

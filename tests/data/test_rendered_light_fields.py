@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.ndimage import map_coordinates, spline_filter
+from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
 from tmca.cli import main
 from tmca.data import (
@@ -21,10 +21,7 @@ from tmca.errors import DataError, SettingError
 
 
 def texture(seed=0, size=(90, 100), smooth=0.0):
-    from scipy.ndimage import gaussian_filter
-
-    picture = gaussian_filter(np.random.default_rng(seed).random(size), smooth) if smooth else None
-    picture = np.random.default_rng(seed).random(size) if picture is None else picture
+    picture = gaussian_filter(np.random.default_rng(seed).random(size), smooth)
     planes = spline_filter(picture.astype(np.float32), order=3, mode="mirror", output=np.float32)[None]
     return Texture(planes, np.eye(2), (30.0, 30.0))
 

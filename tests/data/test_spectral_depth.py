@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.io
 import xarray as xr
-from PIL import Image
-from spectral.io import envi
 
 from tests.data import rgbd_scenes as scenes
-from tests.data.light_field_files import write_pfm
+from tests.data.test_depth_maps import write as write_depth
+from tests.data.test_read_formats import STATED, save_envi
 from tmca.data import (
     describe,
     label_depth,
@@ -63,26 +61,14 @@ def test_of_a_rendered_file_the_radiance_is_taken(tmp_path):
 
 def write_cube(folder, kind, values, nm):
     """``(L, H, W)`` under one of the two names of the convention."""
-    if kind == "cube.mat":
-        scipy.io.savemat(folder / kind, {"hs": np.moveaxis(values, 0, -1), "wavelengths": nm})
+    if kind == "cube.hdr":
+        save_envi(folder, values, nm, "bil", "Nanometers").rename(folder / kind)
+        (folder / "scene.raw").rename(folder / "cube.raw")
     elif kind == "spectral.npy":
         np.save(folder / kind, values)
         (folder / "spectral.wavelengths.txt").write_text("\n".join(map(str, nm)))
-    elif kind == "cube.hdr":
-        about = {"wavelength": list(nm), "wavelength units": "nm"}
-        envi.save_image(str(folder / kind), np.moveaxis(values, 0, -1), metadata=about, ext=".img")
     else:
-        coords = {"wavelength": ("wavelength", nm, {"units": "nm"})}
-        xr.DataArray(values, coords, ("wavelength", "y", "x"), name="cube").to_netcdf(folder / kind)
-
-
-def write_depth(folder, kind, values):
-    if kind == "depth.png":
-        Image.fromarray((values * 1000).round().astype(np.uint16)).save(folder / kind)
-    elif kind == "depth.pfm":
-        write_pfm(folder / kind, np.float32(values))
-    else:
-        scipy.io.savemat(folder / kind, {"depth": values})
+        STATED["five.mat" if kind == "cube.mat" else "nm.nc"](folder / kind, values, nm)
 
 
 @pytest.mark.parametrize(
@@ -92,7 +78,7 @@ def write_depth(folder, kind, values):
 def test_a_folder_with_cube_and_depth_map_is_a_scene(tmp_path, pixels, nm, cube_name, depth_name):
     metres = np.random.default_rng(6).uniform(0.4, 2.0, pixels.shape[1:])
     write_cube(tmp_path, cube_name, pixels, nm)
-    write_depth(tmp_path, depth_name, metres)
+    write_depth(tmp_path / depth_name, metres)
     scene = read_spectral_depth(tmp_path)
     np.testing.assert_allclose(scene["radiance"], pixels, atol=1e-6)
     np.testing.assert_allclose(scene["wavelength"], nm * 1e-9)
@@ -109,11 +95,11 @@ def test_parts_that_are_missing_doubled_or_of_another_size_are_named(tmp_path, p
     for reader in (read_spectral_depth, describe):
         with pytest.raises(DataError, match=r"found no depth\.\* beside cube.mat"):
             reader(tmp_path)
-    write_depth(tmp_path, "depth.mat", np.ones((10, 12)))
+    write_depth(tmp_path / "depth.mat", np.ones((10, 12)))
     for reader in (read_spectral_depth, describe):
         with pytest.raises(DataError, match=r"10×12 pixels, expected 10×13"):
             reader(tmp_path)
-    write_depth(tmp_path, "depth.png", np.ones((10, 13)))
+    write_depth(tmp_path / "depth.png", np.ones((10, 13)))
     with pytest.raises(DataError, match=r"depth.mat, depth.png"):
         read_spectral_depth(tmp_path)
     (tmp_path / "cube.mat").unlink()

@@ -56,17 +56,6 @@ def test_ssim_agrees_with_a_slow_loop(shape):
     np.testing.assert_allclose(found, np.mean(expected, axis=1), rtol=1e-10)
 
 
-def test_ssim_and_psnr_agree_with_torchmetrics():
-    functional = pytest.importorskip("torchmetrics.functional.image")
-    estimate, truth = (torch.from_numpy(c) for c in _cubes((1, 3, 32, 37)))
-    theirs = functional.structural_similarity_index_measure(estimate, truth, data_range=1.0, sigma=1.5)
-    # torchmetrics keeps reflected borders of half a window: only the interior is common.
-    assert ssim(estimate, truth) == pytest.approx(float(theirs), abs=5e-3)
-    assert psnr(estimate, truth) == pytest.approx(
-        float(functional.peak_signal_noise_ratio(estimate, truth, data_range=1.0))
-    )
-
-
 def _uiqi_loop(x, y, window):
     values = []
     for i in range(x.shape[0] - window + 1):
@@ -110,11 +99,22 @@ def _positive(shape=(2, 5, 9, 8)):
     return estimate + 0.1, truth + 0.1
 
 
-def test_sam_agrees_with_torchmetrics_in_degrees():
+@pytest.mark.parametrize(
+    ("metric", "theirs", "settings", "tolerance"),
+    [
+        # torchmetrics keeps reflected borders of half a window: only the interior is common.
+        (ssim, "structural_similarity_index_measure", {"data_range": 1.0, "sigma": 1.5}, {"abs": 5e-3}),
+        (psnr, "peak_signal_noise_ratio", {"data_range": 1.0}, {"rel": 1e-6}),
+        (lambda *cubes: math.radians(sam(*cubes)), "spectral_angle_mapper", {}, {"rel": 1e-6}),
+        # torchmetrics multiplies by its ratio where Wald divides: they meet at 1.
+        (ergas, "error_relative_global_dimensionless_synthesis", {"ratio": 1}, {"rel": 1e-6}),
+    ],
+)
+def test_figures_agree_with_torchmetrics(metric, theirs, settings, tolerance):
     functional = pytest.importorskip("torchmetrics.functional.image")
-    estimate, truth = (torch.from_numpy(c) for c in _positive())
-    theirs = functional.spectral_angle_mapper(estimate, truth)
-    assert sam(estimate, truth) == pytest.approx(math.degrees(float(theirs)), rel=1e-6)
+    estimate, truth = (torch.from_numpy(c) for c in _positive((1, 3, 32, 37)))
+    expected = float(getattr(functional, theirs)(estimate, truth, **settings))
+    assert metric(estimate, truth) == pytest.approx(expected, **tolerance)
 
 
 def test_zero_true_spectra_are_left_out_and_counted():
@@ -133,14 +133,6 @@ def test_ergas_of_a_hand_worked_case():
     # relative errors 0.3 and 0.4: sqrt((0.09 + 0.16) / 2).
     assert ergas(estimate, truth) == pytest.approx(100 * math.sqrt(0.125))
     assert ergas(estimate, truth, ratio=4) == pytest.approx(25 * math.sqrt(0.125))
-
-
-def test_ergas_agrees_with_torchmetrics():
-    functional = pytest.importorskip("torchmetrics.functional.image")
-    estimate, truth = (torch.from_numpy(c) for c in _positive())
-    # torchmetrics multiplies by its ratio where Wald divides: they meet at 1.
-    theirs = functional.error_relative_global_dimensionless_synthesis(estimate, truth, ratio=1)
-    assert ergas(estimate, truth) == pytest.approx(float(theirs), rel=1e-6)
 
 
 def test_ergas_of_a_dark_band():
