@@ -1,7 +1,6 @@
 """Pictures of arrays: cubes, light fields, depth maps, codes, priors, trainings, measurements; they know no camera."""
 
-from tmca.plots.colour import linear_srgb, shown_level, srgb_picture
-from tmca.plots.cube import reconstruction_figure
+from tmca.plots.cube import linear_srgb, reconstruction_figure, shown_level, srgb_picture
 from tmca.plots.lab import frames_figure
 from tmca.plots.style import (
     BLUE,

@@ -50,6 +50,49 @@ def rgb_composite(cube: np.ndarray, wavelengths: Sequence[float], white: float |
     return np.moveaxis(picture, 0, -1)
 
 
+def linear_srgb(cube: np.ndarray, wavelengths: Sequence[float], lamp: np.ndarray | None = None) -> np.ndarray:
+    """(L, H, W) relative irradiance → (3, H, W) linear sRGB; a spectrum like the lamp's is white.
+
+    ``X = Σ_ℓ x_ℓ Δλ_ℓ x̄(λ_ℓ)`` and so on, with the CIE 1931 observer and the bands' own widths.
+
+    Args:
+        cube: spectral density, as a response in proportion to the bands' widths leaves it.
+        wavelengths: (L,) metres, rising.
+        lamp: (L,) spectrum shown as white; an even one without it.
+    """
+    import colour
+
+    nm = np.asarray(wavelengths) * 1e9
+    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
+    matching = np.stack([np.interp(nm, observer.wavelengths, observer.values[:, i]) for i in range(3)])
+    matching = matching * np.gradient(nm)
+    to_rgb = colour.RGB_COLOURSPACES["sRGB"].matrix_XYZ_to_RGB @ matching
+    white = to_rgb @ (np.ones(len(nm)) if lamp is None else lamp)
+    return np.tensordot(to_rgb, cube, axes=1) / white[:, None, None]
+
+
+def srgb_picture(
+    cube: np.ndarray, wavelengths: Sequence[float], lamp: np.ndarray | None = None, level: float | None = None
+) -> np.ndarray:
+    """(H, W, 3) picture in [0, 1], with the curve of sRGB.
+
+    Args:
+        cube, wavelengths, lamp: as for `linear_srgb`.
+        level: linear value shown as full; the 99.8 % quantile without it.
+    """
+    import colour
+
+    linear = linear_srgb(cube, wavelengths, lamp)
+    top = shown_level(linear) if level is None else level
+    shown = np.clip(linear / top, 0, 1).astype(np.float32)
+    return np.moveaxis(np.asarray(colour.cctf_encoding(shown, function="sRGB"), dtype=np.float32), 0, -1)
+
+
+def shown_level(linear: np.ndarray) -> float:
+    """The linear value that a picture shows as full."""
+    return bright_level(linear, 0.998)
+
+
 def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> Figure:
     """A cube: colour composite, the spectra of a few points, and bands from the first to the last."""
     figure, axes = grid(1, 3, width=4.2, aspect=cube.shape[1] / cube.shape[2])

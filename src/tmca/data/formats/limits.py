@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
-from math import prod
+from math import inf, prod
 from pathlib import Path
 
 from tmca.errors import DataError, SettingError
@@ -34,32 +34,33 @@ def stated_limit() -> int | None:
     return None
 
 
-def check_bytes(path: Path, what: str, count: int) -> None:
+def check_bytes(path: Path, what: str, count: int, most: float = MOST) -> None:
     """Raise DataError if bytes that are to be loaded are more than may be.
 
-    The limit is `stated_limit`; without, `MOST`, and no more than 1000 times what the file takes on disk (256 MB are
-    always allowed).
+    The limit is `stated_limit`; without, ``most``, and no more than 1000 times what the file or folder takes on disk
+    (256 MB are always allowed).
 
     Args:
         path: the file or folder.
         what: is to be loaded, such as ``cube (31, 512, 512) of float32``.
         count: its bytes in memory.
+        most: without a stated limit.
     """
     if count <= _ALWAYS and VARIABLE not in os.environ:
         return
-    stated = stated_limit()
-    limit = _plausible(path) if stated is None else stated
+    limit: float | None = stated_limit()
+    if limit is None:
+        limit = min(most, max(_ALWAYS, _DENSEST * size_on_disk(path)))
     if count > limit:
         found = f"{what}, {_words(count)} in {_words(size_on_disk(path))} on disk"
-        remedy = f"if that is right, read less of it or set {VARIABLE} to more bytes"
+        remedy = f"fetch it again or read less of it; if that is right, set {VARIABLE} to more bytes"
         raise DataError(path, found, f"at most {_words(limit)}", remedy)
 
 
-def check_array(path: Path, name: str, shape: Sequence[int], itemsize: int) -> None:
+def check_array(path: Path, name: str, shape: Sequence[int], itemsize: int, most: float = MOST) -> None:
     """As `check_bytes`, of an array of a shape and bytes an element."""
-    count = prod(int(size) for size in shape) * itemsize
-    if count > _ALWAYS or VARIABLE in os.environ:
-        check_bytes(path, f"{name} of shape {tuple(int(size) for size in shape)}", count)
+    sizes = tuple(int(size) for size in shape)
+    check_bytes(path, f"{name} of shape {sizes}", prod(sizes) * itemsize, most)
 
 
 def check_declared(path: Path, name: str, shape: Sequence[int], itemsize: int) -> None:
@@ -67,15 +68,8 @@ def check_declared(path: Path, name: str, shape: Sequence[int], itemsize: int) -
 
     Not where ``TMCA_MAX_READ`` is set.
     """
-    count = prod(int(size) for size in shape) * itemsize
-    if count > _ALWAYS and VARIABLE not in os.environ and count > _DENSEST * (stored := size_on_disk(path)):
-        found = f"{name} of shape {tuple(int(size) for size in shape)}, {_words(count)} in {_words(stored)} on disk"
-        remedy = f"fetch it again; if that is right, set {VARIABLE} to the bytes that may be loaded at once"
-        raise DataError(path, found, f"at most {_words(max(_ALWAYS, _DENSEST * stored))}", remedy)
-
-
-def _plausible(path: Path) -> int:
-    return min(MOST, max(_ALWAYS, _DENSEST * size_on_disk(path)))
+    if VARIABLE not in os.environ:
+        check_array(path, name, shape, itemsize, inf)
 
 
 def size_on_disk(path: Path) -> int:
@@ -84,7 +78,7 @@ def size_on_disk(path: Path) -> int:
     return sum(file.stat().st_size for file in files if file.is_file())
 
 
-def _words(count: int) -> str:
+def _words(count: float) -> str:
     """Bytes as people say them: ``8.6 GB``."""
     size, units = float(count), ["bytes", "kB", "MB", "GB", "TB", "PB"]
     while size >= 1000 and len(units) > 1:
