@@ -1,4 +1,4 @@
-"""Figures of cubes against other libraries, slow loops and cases worked by hand."""
+"""Figures of cubes and light fields against other libraries, slow loops and cases worked by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,18 @@ import torch
 import xarray
 
 from tmca.errors import SettingError, ShapeError
-from tmca.metrics import all_metrics, dd, ergas, psnr, sam, ssim, uiqi
+from tmca.metrics import (
+    all_metrics,
+    dd,
+    ergas,
+    light_field_metrics,
+    psnr,
+    psnr_per_view,
+    sam,
+    ssim,
+    ssim_per_view,
+    uiqi,
+)
 
 
 def _cubes(shape, seed=0, noise=0.1):
@@ -198,3 +209,24 @@ def test_psnr_of_a_uniform_error_is_known():
     truth = np.zeros((2, 3, 4))
     assert psnr(truth + 0.1, truth) == pytest.approx(20.0)
     assert psnr(truth + 25.5, truth, data_range=255) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("colours", [(), (3,)])
+def test_every_view_has_the_quality_of_its_image(colours):
+    rng = np.random.default_rng(0)
+    truth = rng.random((*colours, 3, 5, 12, 13))
+    estimate = truth + rng.normal(size=truth.shape) * np.linspace(0.01, 0.2, 15).reshape(3, 5, 1, 1)
+    images = [(a[..., 2, 1, :, :].reshape(-1, 12, 13)) for a in (estimate, truth)]
+    assert psnr_per_view(estimate, truth).shape == (3, 5)
+    assert psnr_per_view(estimate, truth)[2, 1] == pytest.approx(psnr(*images))
+    assert ssim_per_view(estimate, truth)[2, 1] == pytest.approx(ssim(*images))
+    found = light_field_metrics(estimate, truth)
+    assert found["ssim"] == pytest.approx(ssim_per_view(estimate, truth).mean())
+    assert found["psnr"] == pytest.approx(-10 * np.log10(np.mean((estimate - truth) ** 2)))
+    assert found["psnr_min"] < found["psnr"] < found["psnr_max"]
+
+
+def test_views_without_a_window_have_no_ssim():
+    assert np.isnan(light_field_metrics(np.ones((1, 1, 4, 4)), np.zeros((1, 1, 4, 4)))["ssim"])
+    with pytest.raises(ShapeError, match="V, U, H, W"):
+        light_field_metrics(np.ones((4, 4, 4)), np.ones((4, 4, 4)))
