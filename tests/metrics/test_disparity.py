@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tmca.data import read_disparity, read_light_field
 from tmca.errors import SettingError, ShapeError
 from tmca.metrics import disparity, disparity_error, estimate_disparity, moved_view
 
@@ -107,15 +108,9 @@ def test_bad_input_is_refused():
 
 
 def test_the_hci_scene_has_its_ground_truth(real_data):
-    import imageio.v3 as iio
-
     folder = real_data / "lf" / "hci_antinous"
-    # PFM stores rows from the bottom up, after three lines of text
-    stored = (folder / "gt_disp_lowres.pfm").read_bytes()[-4 * 512 * 512 :]
-    truth = np.frombuffer(stored, "<f4").reshape(512, 512)[::-1]
-    part = (slice(100, 260), slice(140, 360))
-    rows = [[iio.imread(folder / f"input_Cam{9 * v + u:03d}.png")[part] for u in range(3, 6)] for v in range(3, 6)]
-    field = np.asarray(rows)[..., :3].mean(-1) / 255
+    truth, part = read_disparity(folder).values, (slice(100, 260), slice(140, 360))
+    field = read_light_field(folder, views=3).values[:, :, *part]
     inner = np.zeros((160, 220))
     inner[8:-8, 8:-8] = 1
     found = disparity_error(estimate_disparity(field, (-3.5, 3.5)), truth[part], inner)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from tmca.data.cubes import locate_cube
 from tmca.data.depth_maps import label_depth, read_depth_map, stored_metres
-from tmca.data.files import SUFFIXES as LABELLED
 from tmca.data.files import plain
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
@@ -250,8 +249,6 @@ def describe_light_field(contents: Contents, stored: Stored, pattern: str | None
 def _disparity(contents: Contents, pattern: str | None) -> dict[str, Any] | None:
     """Range and file of the true disparity, None without."""
     source = find_disparity(contents.path)
-    if contents.path.suffix.lower() in LABELLED and "disparity" in contents.arrays:
-        source = contents.path
     if source is None:
         return None
     try:
