@@ -7,27 +7,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tmca.cameras import Camera
 from tmca.errors import DataError
-from tmca.lab.calibration import fits, shots
-from tmca.lab.calibration.buckets import BucketMixing
+from tmca.lab.calibration import figures, fits, shots
 from tmca.lab.calibration.captures import read_captures, taken_with
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.calibration.parts import kind_of
-from tmca.lab.calibration.pattern_image import mapped
-from tmca.lab.calibration.psf import PsfStack, ZernikeFit
-from tmca.lab.calibration.registration import Registration, nominal_matrix
-from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
-from tmca.lab.calibration.timing import Timing
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import quality_of
-from tmca.plots import calibration as plots
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,76 +47,18 @@ class Step:
     usual: float = 1.0
 
 
-def _draw_dark(axes: Any, part: DarkField) -> None:
-    plots.draw_dark(axes, *(_beside(one) for one in (part.mean, part.read_noise, part.defects > 0)))
-
-
-def _draw_flat(axes: Any, part: FlatField) -> None:
-    plots.draw_flat(axes, _beside(part.gain), _beside(part.defects > 0), part.nonuniformity)
-
-
-def _beside(values: np.ndarray) -> np.ndarray:
-    """(H, R·W) maps of buckets beside each other; (H, W) of one."""
-    return np.hstack(list(values)) if values.ndim == 3 else values
-
-
-def _draw_linearity(axes: Any, part: Linearity) -> None:
-    titles = (
-        f"off a line by {part.largest_deviation:.2g} of it at most",
-        f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number",
-    )
-    line, transfer = part.offset + part.slope * part.exposures, (part.read_noise / part.gain) ** 2
-    predicted, used = transfer + part.levels / part.gain, np.isfinite(part.deviations)
-    plots.draw_linearity(axes, part.exposures, part.levels, line, part.variances, predicted, used, titles)
-
-
-def _draw_registration(axes: Any, part: Registration) -> None:
-    rows, columns = (np.linspace(0, n - 1, 9) for n in part.codes)
-    mask = np.stack([one.ravel() for one in np.meshgrid(rows, columns, indexing="ij")])
-    nominal = mapped(nominal_matrix(part.codes, part.sensor, part.scale), *mask)
-    sensor = np.stack(mapped(part.matrix, *mask))
-    plots.draw_registration(axes, mask, sensor, np.stack(nominal), part.sensor, part.residual)
-
-
-def _draw_dispersion(axes: Any, part: MeasuredDispersion) -> None:
-    fine = np.linspace(part.wavelengths[0], part.wavelengths[-1], 200)
-    fitted = np.isfinite(part.residual[1])
-    title = f"{part.curve} curve {f'leaves {part.residual[1]:.3f} px rms' if fitted else 'through all of them'}"
-    plots.draw_dispersion(axes, part.wavelengths, part.shifts, (fine, part.at(fine)), part.response, title)
-
-
-def _draw_shear(axes: Any, part: MeasuredShear) -> None:
-    plots.draw_shear(axes, part.places, part.shifts, part.step, part.light, part.residual)
-
-
-def _draw_timing(axes: Any, part: Timing) -> None:
-    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
-    plots.draw_timing(axes, part.overlap(), part.delay, part.ratio, title)
-
-
-def _draw_buckets(axes: Any, part: BucketMixing) -> None:
-    leaked, lost = (part.leakage, float(part.std[0])), (part.transfer, float(part.std[1]))
-    measured = {"in other buckets": leaked, "lost at a change (of a slot)": lost}
-    plots.draw_buckets(axes, part.levels, part.predicted, measured)
-
-
-def _draw_wavefront(axes: Any, part: ZernikeFit, stack: PsfStack) -> None:
-    plots.draw_psf(axes[0], stack.values, stack.wavelengths, stack.depths)
-    plots.draw_wavefront(axes[1], part.modes, part.coefficients, part.std, part.residual)
-
-
 STEPS: dict[str, Step] = {step.name: step for step in (
-    Step("dark", shots.dark, fits.dark, _draw_dark, (), "noise_of_saturation", 0.05),
-    Step("flat", shots.flat, fits.flat, _draw_flat, ("dark",), "noise_of_light", 0.2),
+    Step("dark", shots.dark, fits.dark, figures.dark, (), "noise_of_saturation", 0.05),
+    Step("flat", shots.flat, fits.flat, figures.flat, ("dark",), "noise_of_light", 0.2),
     Step("white", shots.white),
-    Step("linearity", shots.linearity, fits.linearity, _draw_linearity, ("dark",), "largest_deviation", 0.02),
-    Step("registration", shots.registration, fits.registration, _draw_registration, (), "residual_of_contrast", 0.2),
-    Step("buckets", shots.buckets, fits.buckets, _draw_buckets, ("dark", "flat"), "residual_of_light", 0.01),
-    Step("timing", shots.timing, fits.timing, _draw_timing, ("dark",), "residual_of_a_slot", 0.05),
-    Step("dispersion", shots.dispersion, fits.dispersion, _draw_dispersion, ("registration", "dark"),
+    Step("linearity", shots.linearity, fits.linearity, figures.linearity, ("dark",), "largest_deviation", 0.02),
+    Step("registration", shots.registration, fits.registration, figures.registration, (), "residual_of_contrast", 0.2),
+    Step("buckets", shots.buckets, fits.buckets, figures.buckets, ("dark", "flat"), "residual_of_light", 0.01),
+    Step("timing", shots.timing, fits.timing, figures.timing, ("dark",), "residual_of_a_slot", 0.05),
+    Step("dispersion", shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"),
          "x_residual_pixels", 0.2),
-    Step("shear", shots.shear, fits.shear, _draw_shear, ("registration", "dark"), "residual_pixels", 0.1),
-    Step("psf", shots.psf, fits.psf, _draw_wavefront, ("dark",), "residual", 0.1),
+    Step("shear", shots.shear, fits.shear, figures.shear, ("registration", "dark"), "residual_pixels", 0.1),
+    Step("psf", shots.psf, fits.psf, figures.wavefront, ("dark",), "residual", 0.1),
 )}  # fmt: skip
 
 
