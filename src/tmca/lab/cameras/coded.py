@@ -30,14 +30,12 @@ class CodedLab(LabCamera):
         """Of every band, or view, under a light; DeviceError for one that is not simulated."""
 
     def lit(self, camera: Any, light: Light) -> tuple[Tensor, ...]:
-        """See ``LabCamera``."""
         check_light(light.kind != "point", f"a point before a {self.kind} camera", "a white scene")
         shares, shape = self.brightness(camera, light), tuple(camera.scene_shape)
         share = torch.from_numpy(shares).float().reshape(1, *shares.shape, *(1 for _ in shape[shares.ndim :]))
         return (share.expand(1, *shape) * light.reflectance * light.exposure,)
 
     def showing(self, camera: Any, codes: Planes) -> Any:
-        """See ``LabCamera``."""
         nominal = dict(zip(camera.plane_names, camera.codes(), strict=True))
         shown = {name: codes.planes.get(name, plane) for name, plane in nominal.items()}
         if codes.slots != camera.slots:  # one slot after the other, none of them masked
@@ -50,11 +48,9 @@ class CodedLab(LabCamera):
         return camera.replace(codes=Codes(shown["aperture"], shown["shutter"]), slots=codes.slots)
 
     def opened(self, camera: Any, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
-        """See ``LabCamera``."""
         return camera.replace(codes=_OpenedCodes(camera.codes, patterns, shares), **parts)
 
     def on_camera(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
-        """See ``LabCamera``."""
         collects = measured.codes()[1].unflatten(0, (measured.buckets, -1)).amax(1) > 0
         return values * collects.repeat_interleave(values.shape[-3] // len(collects), 0)
 

@@ -26,7 +26,6 @@ class LightFieldLab(CodedLab):
     unmeasured = frozenset({"dispersion", "wavefront"})
 
     def brightness(self, camera: LightFieldCamera, light: Light) -> Array:
-        """See ``CodedLab``."""
         seen = "none of a light-field camera, which sees white"
         check_light(light.wavelength is None, "one wavelength", seen)
         shares = np.ones(camera.views)
@@ -45,7 +44,6 @@ class LightFieldLab(CodedLab):
         return Light("white", view=(0, 0))
 
     def calibrated(self, camera: LightFieldCamera, calibration: Calibration, sensor: Sensor) -> LightFieldCamera:
-        """See ``LabCamera``."""
         planes, light = mixed_aperture(camera.codes()[0], calibration)
         registration, shear = calibration.part("registration"), calibration.part("shear")
         vignetting = camera.vignetting.detach().double().numpy() * light
@@ -68,5 +66,4 @@ class LightFieldLab(CodedLab):
         )  # fmt: skip
 
     def code_map(self, camera: LightFieldCamera, calibration: Calibration) -> Array:
-        """See ``LabCamera``."""
         return nominal_matrix(camera.mask_size, camera.size, 1 / camera.shear.scale)

@@ -32,16 +32,13 @@ class SpectralLab(CodedLab):
     unmeasured = frozenset({"shear", "wavefront"})
 
     def brightness(self, camera: SpectralCamera, light: Light) -> Array:
-        """See ``CodedLab``."""
         check_light(light.view is None, "one view", "none of a spectral camera")
         return band_brightness(camera, light.wavelength)
 
     def wavelengths(self, camera: SpectralCamera) -> Sequence[float]:
-        """See ``LabCamera``."""
         return middle_first(camera.wavelengths)
 
     def calibrated(self, camera: SpectralCamera, calibration: Calibration, sensor: Sensor) -> SpectralCamera:
-        """See ``LabCamera``."""
         if camera.disperser == "dual" or camera.coloured is not None:
             raise SettingError("camera", "a dual disperser or coloured aperture", "a single disperser to calibrate")
         planes, light = mixed_aperture(camera.codes()[0], calibration)

@@ -51,7 +51,6 @@ class SpectralDepthLab(LabCamera):
         return camera.replace(codes=PhaseCodes(camera.point_spread.behind(heights), camera.shutter))
 
     def opened(self, camera: SpectralDepthCamera, patterns: Sequence[int], shares: Tensor, **parts: Any) -> Any:
-        """See ``LabCamera``."""
         optics = camera.point_spread.behind(FreeForm(camera.point_spread.heights()[list(patterns)]))
         return camera.replace(codes=PhaseCodes(optics, _OpenedShutter(camera.shutter, shares)), **parts)
 
@@ -66,7 +65,6 @@ class SpectralDepthLab(LabCamera):
         return tuple(dict.fromkeys(planes[k] for k in (0, len(planes) // 2, -1))) if planes else ()
 
     def calibrated(self, camera: SpectralDepthCamera, calibration: Calibration, sensor: Sensor) -> SpectralDepthCamera:
-        """See ``LabCamera``."""
         heights = camera.codes()[0].detach().double()
         fits = {name: part for name, part in calibration.parts.items() if name.startswith("wavefront")}
         if fits and set(fits) != {f"wavefront{k}" for k in range(camera.slots)}:
