@@ -161,14 +161,12 @@ def _said(array: NDArray[Any]) -> str:
 
 
 def _frames(path: Path, names: tuple[str, ...], raw: NDArray[Any], saturation: float | None) -> Frames:
-    whole = raw.dtype.kind in "ui"
     colours = raw[..., : 1 if raw.shape[-1] == 2 else 3] if coloured(raw[0]) else raw[..., None]
     top = saturation if saturation is not None else _full_scale(raw)
     values = colours.mean(axis=-1, dtype=np.float64).astype(np.float32)
     saturated = np.asarray((colours >= top).any(axis=-1))
-    return Frames(
-        path, names, values, saturated, 1.0 if whole else 0.0, top, "float" if raw.dtype.kind == "f" else raw.dtype.name
-    )
+    kind = "float" if raw.dtype.kind == "f" else raw.dtype.name
+    return Frames(path, names, values, saturated, 0.0 if kind == "float" else 1.0, top, kind)
 
 
 def _full_scale(raw: NDArray[Any]) -> float:

@@ -77,11 +77,6 @@ class Captured:
     calibration: Calibration
     given: StepSettings
 
-    def setting(self, name: str) -> Any:
-        """What was given, else what the bench noted with the frames."""
-        value = getattr(self.given, name)
-        return taken_with(self.path).get(name) if value is None else value
-
     @property
     def buckets(self) -> int:
         """R of a pixel."""
@@ -94,20 +89,13 @@ class Captured:
 
     def pattern(self) -> tuple[int, Array]:
         """Number and (h, w) of the pattern that was shown, of the size that was registered."""
-        shown, index = (
-            read_patterns(self.given.patterns or "", self.part("registration").codes),
-            self.setting("pattern"),
-        )
-        index = 3 if index is None else int(index)
+        shown = read_patterns(self.given.patterns or "", self.calibration.part("registration").codes)
+        index = taken_with(self.path).get("pattern", 3) if self.given.pattern is None else self.given.pattern
         if not 0 <= index < len(shown):
             raise SettingError("pattern", str(index), f"0 to {len(shown) - 1}")
         if (share := shown[index].mean()) in (0.0, 1.0):
             raise SettingError("pattern", f"{index}, which is all {'open' if share else 'dark'}", "a coded one")
         return index, shown[index]
-
-    def part(self, name: str) -> Any:
-        """What was measured before."""
-        return self.calibration.part(name)
 
 
 @dataclass(frozen=True)
@@ -142,7 +130,7 @@ def dark(seen: Captured) -> dict[str, Fitted]:
 
 
 def flat(seen: Captured) -> dict[str, Fitted]:
-    dark, given = seen.part("dark"), seen.given
+    dark, given = seen.calibration.part("dark"), seen.given
     reflectance = 1.0 if given.reflectance is None else given.reflectance
     if not 0 < reflectance <= 1:
         raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
@@ -198,7 +186,7 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
         raise DataError(seen.path, found, "as many, two or more, at every exposure", "capture the missing ones")
     chosen = [np.flatnonzero(times == time) for time in distinct]
     values, full = (np.stack([part[i] for i in chosen]) for part in (seen.frames.values, seen.frames.saturated))
-    dark = seen.part("dark")
+    dark = seen.calibration.part("dark")
     if seen.buckets > 1:  # the one that has the light
         values, full, dark = values[:, :, 0], full[:, :, 0], dark.of_bucket(0)
     measured = measure_linearity(distinct * 1e-3, values, dark, full, source=seen.path)
@@ -220,7 +208,7 @@ def registration(seen: Captured) -> dict[str, Fitted]:
     shown = read_patterns(given.patterns, given.device)
     if wave is None and (noted := taken_with(seen.path).get("wavelength_nm")) is not None:
         wave = float(nm_to_metres(noted))
-    above_dark = seen.part("dark") is not None
+    above_dark = seen.calibration.part("dark") is not None
     registered = register(light, shown, scale=given.scale, wavelength=wave, above_dark=above_dark, source=seen.path)
     residuals = {
         "residual_of_contrast": registered.residual,
@@ -237,7 +225,7 @@ def registration(seen: Captured) -> dict[str, Fitted]:
 
 
 def timing(seen: Captured) -> dict[str, Fitted]:
-    registration = seen.part("registration")
+    registration = seen.calibration.part("registration")
     aperture, std = (0.0, 0.0) if registration is None else (registration.closed_light, registration.leakage_std or 0.0)
     levels, *others = _pair_levels(seen)
     measured = measure_timing(
@@ -245,7 +233,7 @@ def timing(seen: Captured) -> dict[str, Fitted]:
         aperture_leakage=aperture,
         aperture_leakage_std=std,
         others=sum(others) if others else None,
-        transfer=seen.part("buckets").transfer if others else 0.0,
+        transfer=seen.calibration.part("buckets").transfer if others else 0.0,
         source=seen.path,
     )
     residuals = {
@@ -294,7 +282,7 @@ def _pair_levels(seen: Captured) -> Array:
         expected = "every slot of the aperture with that of the shutter and with both beside it"
         raise DataError(seen.path, "no aperture_{}_shutter_{}".format(*gone[0]), expected, "capture it")
     if seen.buckets > 1:
-        if (mixing := seen.part("buckets")) is None:
+        if (mixing := seen.calibration.part("buckets")) is None:
             remedy = "run tmca calibrate buckets first, and name its file with --onto"
             raise DataError(seen.calibration.where, "no buckets", "one, on which timing builds", remedy)
         light = mixing.unmixed(light)
@@ -306,7 +294,7 @@ def _pair_levels(seen: Captured) -> Array:
 def dispersion(seen: Captured) -> dict[str, Fitted]:
     from tmca.lab.ground_truth.spectra import read_spectra
 
-    registration, given = seen.part("registration"), seen.given
+    registration, given = seen.calibration.part("registration"), seen.given
     light, keys = seen.by_name(WAVE, "band_450nm")
     nm = np.array([key[0] for key in keys])
     power = None if given.power is None else np.asarray(read_spectra(given.power).at(nm)[0], dtype=np.float64)
@@ -331,7 +319,7 @@ def shear(seen: Captured) -> dict[str, Fitted]:
     light, keys = seen.by_name(VIEW, "view_-1_2")
     index, shown = seen.pattern()
     places = [(int(v), int(u)) for v, u in keys]
-    measured = measure_shear(light, places, shown, seen.part("registration"), source=seen.path)
+    measured = measure_shear(light, places, shown, seen.calibration.part("registration"), source=seen.path)
     residuals = {
         "residual_pixels": measured.residual,
         "y_pixels_per_view": float(measured.step[0]),
