@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+import torch
+from numpy.typing import ArrayLike
 
+from tmca.codes.buckets import changing, mixed_buckets
 from tmca.errors import DataError
 from tmca.lab.calibration.fitting import fit_std
 from tmca.lab.frames import Array
@@ -60,12 +62,13 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     if not seen.max() > 0:
         raise DataError(source, "no light in any bucket", "even light", "check the lamp and the codes of the frames")
     shares, turns = seen / float(seen[:buckets].sum() / buckets), len(seen) > buckets
-    own = np.eye(buckets)
-    shown = np.concatenate((own[:, None].repeat(slots, 1), own[np.arange(slots) % buckets][None]))[: len(seen)]
+    own = torch.eye(buckets, dtype=torch.float64)
+    each, in_turn = own[:, :, None].expand(-1, -1, slots), own[:, torch.arange(slots) % buckets]
+    shown = torch.cat((each, in_turn[:, None]), 1)[:, : len(seen)].transpose(1, 2)  # (R, K, S)
 
     def predicted(values: Array) -> Array:
         light, leakage, transfer = values[0], values[1], values[2] if turns else 0.0
-        return light * _collected(shown, transfer) @ _mixing(buckets, leakage).T
+        return np.asarray(light * mixed_buckets(shown - transfer * changing(shown), leakage).mean(1).T)
 
     bounds = ([0.0] * (2 + turns), [np.inf, 1.0, 1.0][: 2 + turns])
     start = np.array([1.0, 0.01, 0.01])[: 2 + turns]
@@ -79,13 +82,6 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     return BucketMixing(shares, predicted(fit.x), leakage, transfer, std, float(np.sqrt((fit.fun**2).mean())))
 
 
-def _collected(shown: NDArray[np.float64], transfer: float) -> Array:
-    """(S, R) share of the exposure in which a bucket collects, of slots (S, K, R); the exposure repeats."""
-    changes = shown * (1 - np.roll(shown, 1, axis=1))
-    return np.asarray((shown - transfer * changes).mean(1))
-
-
 def _mixing(buckets: int, leakage: float) -> Array:
     """(R, R) share of the light sorted into a bucket (columns) that is in each of them (rows)."""
-    own = np.eye(buckets)
-    return (1 - leakage) * own + leakage / (buckets - 1) * (1 - own)
+    return np.asarray(mixed_buckets(torch.eye(buckets, dtype=torch.float64), leakage))
