@@ -1,7 +1,7 @@
 """Cameras with what was measured of them: codes, planes and light are where physics puts them."""
 
-from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from collections import Counter
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -9,7 +9,8 @@ import torch
 
 from tmca.cameras import Hardware, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
+from tmca.lab.calibration import file as calibration_file
+from tmca.lab.calibration.apply import bench_of, calibrated, calibrated_snapshot
 from tmca.lab.calibration.dispersion import MeasuredDispersion
 from tmca.lab.calibration.displacement import MeasuredShear
 from tmca.lab.calibration.file import Calibration
@@ -23,8 +24,12 @@ WAVES = (450e-9, 550e-9, 650e-9)
 SIZES = [(8, 11), (9, 12)]
 
 
-def registered(codes, sensor, matrix, wavelength=550e-9, blur=0.0):
-    return Registration(np.asarray(matrix, float), np.zeros((2, 3)), blur, 0.0, codes, sensor, wavelength)
+def registered(codes, sensor, matrix=((1, 0, 0), (0, 1, 1)), wavelength=550e-9, **more):
+    return Registration(np.array(matrix, float), np.zeros((2, 3)), 0.0, 0.0, codes, sensor, wavelength, **more)
+
+
+def timed(slots=2, delay=0.0, ratio=1.0, **more):
+    return Timing(delay, ratio, np.zeros(2), 1.0, 0.0, slots, **more)
 
 
 def dispersed(shifts, response=(1.0, 1.0, 1.0), wavelengths=WAVES):
@@ -55,9 +60,9 @@ def test_a_calibration_of_the_nominal_numbers_changes_nothing(size):
     camera = SpectralCamera(WAVES, size, 3, dispersion=[-1.0, 0.0, 2.0])
     sensor = camera.snapshot_shape[1:]
     own = with_parts(
-        registration=registered(size, sensor, [[1, 0, 0], [0, 1, 1]]),
+        registration=registered(size, sensor),
         dispersion=dispersed([-1, 0, 2]),
-        timing=Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 3),
+        timing=timed(3),
     )
     scene = torch.rand(1, 3, *size)
     found = calibrated(camera, own)
@@ -79,7 +84,7 @@ def test_a_point_falls_where_its_wavelength_was_measured(shifts):
     size = (6, 20)
     camera = SpectralCamera(WAVES, size, 2, aperture="open", shutter="open", dispersion=[0.0, 1.0, 2.0])
     sensor = camera.snapshot_shape[1:]
-    own = with_parts(registration=registered(size, sensor, [[1, 0, 0], [0, 1, 1]]), dispersion=dispersed(shifts))
+    own = with_parts(registration=registered(size, sensor), dispersion=dispersed(shifts))
     taken = calibrated_snapshot(Snapshot(torch.rand(1, 1, *sensor), camera), own)
     nominal = torch.arange(sensor[1], dtype=torch.float32).expand(1, 1, *sensor)
     columns = calibrated_snapshot(Snapshot(nominal + 1, camera), own).values[0, 0, 0] - 1
@@ -91,18 +96,6 @@ def test_a_point_falls_where_its_wavelength_was_measured(shifts):
         assert float((seen * columns).sum() / seen.sum()) == pytest.approx(11 + shift, abs=1e-4)
 
 
-def test_columns_that_the_sensor_does_not_have_are_shut():
-    camera = SpectralCamera(WAVES, (6, 12), 2, shutter="open")
-    own = with_parts(
-        registration=registered((6, 12), (6, 14), [[1, 0, 0], [0, 1, 1]]), dispersion=dispersed((-2.5, 0, 2.5))
-    )
-    taken = calibrated_snapshot(Snapshot(torch.ones(1, 1, 6, 14), camera), own)
-    assert taken.values.shape == (1, 1, 6, 18)
-    shut = taken.camera.codes()[1][0, 0] == 0
-    assert shut.tolist() == [True, True] + [False] * 14 + [True, True]
-    assert torch.equal(taken.values[0, 0, 0] == 0, shut)
-
-
 def test_response_keeps_its_sum_and_has_the_measured_shape():
     camera = SpectralCamera(WAVES, (6, 7), 2, response=[0.5, 0.5, 0.5])
     found = calibrated(camera, with_parts(dispersion=dispersed((0, 1, 2), (0.4, 1.2, 1.4))))
@@ -111,41 +104,31 @@ def test_response_keeps_its_sum_and_has_the_measured_shape():
 
 
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
-@pytest.mark.parametrize(("delay", "ratio"), [(0.3, 1.0), (-0.2, 1.04), (0.1, 0.9)])
-def test_slots_that_are_late_mix_as_a_slow_integral_over_time(delay, ratio, exposure):
-    camera = SpectralCamera(WAVES, (5, 6), 3, exposure=exposure)
-    found = calibrated(camera, with_parts(timing=Timing(delay, ratio, np.zeros(2), 1.0, 0.0, 3)))
-    scene = torch.rand(1, 3, 5, 6)
-    aperture, shutter = camera.codes()
-    light, instants = 0, 3000
-    for time in (np.arange(3 * instants) + 0.5) / instants:
-        i, j = int(time), int(np.floor((time - delay) / ratio))
-        if 0 <= j < 3:
-            light = light + torch.nn.functional.one_hot(torch.tensor(3 * i + j), 9).float() / instants
-    exact = 0
-    for pair in torch.nonzero(torch.as_tensor(light)).flatten().tolist():
-        one = SpectralCamera(WAVES, (5, 6), 1, aperture=aperture[pair // 3][None], shutter=shutter[pair % 3][None])
-        exact = exact + light[pair] * images(one, scene)
-    exact = exact / (3 if exposure == "equal" else 1)
-    assert torch.allclose(images(found, scene), exact, atol=3e-3)
+@pytest.mark.parametrize("late", [(0.3, 1.0), (-0.2, 1.04), (0.1, 0.9)])
+def test_slots_that_are_late_mix_as_a_slow_integral_over_time(late, exposure):
+    check_integral(exposure, timed(3, *late), 0.0)
 
 
 @pytest.mark.parametrize("exposure", ["equal", "per-slot"])
 @pytest.mark.parametrize("delay", [0.0, 0.3])
 def test_closed_codes_leak_as_a_slow_integral_over_time(delay, exposure):
-    slots, share, shut = 3, 0.03, 0.02
-    camera = SpectralCamera(WAVES, (5, 6), slots, exposure=exposure)
-    aperture, shutter = camera.codes()
-    mask = replace(registered((5, 6), (5, 8), [[1, 0, 0], [0, 1, 1]]), leakage=share)
     # of an exposure that repeats, so that the shutter is in one of its slots at all times
-    timing = Timing(delay, 1.0, np.zeros(2), 1.0, 0.0, slots, True, shut)
+    check_integral(exposure, timed(3, delay, repeats=True, leakage=0.02), 0.03)
+
+
+def check_integral(exposure, timing, passes):
+    camera, scene = SpectralCamera(WAVES, (5, 6), timing.slots, exposure=exposure), torch.rand(1, 3, 5, 6)
+    mask = registered((5, 6), (5, 8), leakage=passes)
     found = calibrated(camera, with_parts(registration=mask, timing=timing))
-    scene, exact, instants = torch.rand(1, 3, 5, 6), 0, 40
-    for time in (np.arange(slots * instants) + 0.5) / instants:
-        passed, caught = aperture[int(time)], shutter[int(np.floor(time - delay)) % slots]
-        passed, caught = passed + share * (1 - passed), caught + shut * (1 - caught)
+    aperture, shutter = (torch.cat([plane, 0 * plane[:1]]) for plane in camera.codes())  # the last one: all shut
+    times = (np.arange(100 * timing.slots) + 0.5) / 100
+    on = np.floor((times - timing.delay) / timing.ratio).astype(int)
+    on = on % timing.slots if timing.repeats else np.where(np.isin(on, range(timing.slots)), on, timing.slots)
+    exact = torch.zeros(1, *camera.snapshot_shape)
+    for (i, j), count in Counter(zip(times.astype(int), on, strict=True)).items():
+        passed, caught = passes + (1 - passes) * aperture[i], timing.leakage + (1 - timing.leakage) * shutter[j]
         one = SpectralCamera(WAVES, (5, 6), 1, aperture=passed[None], shutter=caught[None])
-        exact = exact + images(one, scene) / instants / (slots if exposure == "equal" else 1)
+        exact += count / len(times) * camera.exposures * images(one, scene)
     assert torch.allclose(images(found, scene), exact, atol=1e-5)
 
 
@@ -153,29 +136,25 @@ def test_closed_codes_leak_as_a_slow_integral_over_time(delay, exposure):
 def test_a_light_field_camera_leaks_as_its_faults_do(exposure):
     camera = LightFieldCamera(3, (8, 9), 2, exposure=exposure)
     place = nominal_matrix(camera.mask_size, camera.size)
-    mask = replace(registered(camera.mask_size, (8, 9), place), leakage=1 / 40)
-    found = calibrated(
-        camera, with_parts(registration=mask, timing=Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2, leakage=0.05))
-    )
+    mask = registered(camera.mask_size, (8, 9), place, leakage=1 / 40)
+    found = calibrated(camera, with_parts(registration=mask, timing=timed(leakage=0.05)))
     scene = torch.rand(1, 3, 3, 8, 9)
     wanted = images(imperfect(camera, Hardware(contrast_ratio=40, leakage=0.05)), scene)
     assert torch.allclose(images(found, scene), wanted, atol=1e-5)
 
 
-def test_pixels_whose_code_is_always_closed_keep_what_leaks_and_defects_are_shut():
+def test_pixels_whose_code_is_closed_keep_what_leaks_and_defects_are_shut():
     shutter = torch.ones(2, 6, 14)
     shutter[:, 1, 5] = 0
     camera = SpectralCamera(WAVES, (6, 12), 2, shutter=shutter)
     parts = raw_parts((6, 14), hot=[(3, 4)])
-    place = registered((6, 12), (6, 14), [[1, 0, 0], [0, 1, 1]])
-    timing = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2, leakage=0.02)
+    place = registered((6, 12), (6, 14))
+    timing = timed(leakage=0.02)
     own = with_parts(**parts, registration=place, dispersion=dispersed((-2.5, 0, 2.5)), timing=timing)
     taken = calibrated_snapshot(Snapshot(torch.ones(1, 1, 6, 14), camera), own)
-    seen = taken.camera.codes()[1][0]
-    assert seen[1, 5 + 2] == pytest.approx(0.02)
-    assert seen[3, 4 + 2] == 0
-    assert not seen[:, :2].any()
-    assert not seen[:, -2:].any()
+    seen, wanted = taken.camera.codes()[1][0], torch.ones(6, 14)
+    wanted[1, 5], wanted[3, 4] = 0.02, 0
+    torch.testing.assert_close(seen, torch.nn.functional.pad(wanted, (2, 2)))
     assert torch.equal(taken.values[0, 0] == 0, seen == 0)
 
 
@@ -243,59 +222,38 @@ def test_digital_numbers_become_irradiance_and_defects_are_shut():
         calibrated_snapshot(taken, with_parts(dark=parts["dark"]))
 
 
-def test_calibrations_of_other_cameras_are_refused():
-    camera = SpectralCamera(WAVES, (8, 9), 2)
-    timing = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2)
-    own = Calibration.empty("one").with_part("timing", timing, {}, sensor=(8, 11), codes=(8, 9))
-    calibrated(camera, own, {"camera_name": "one"})
-    with pytest.raises(DataError, match="a calibration of camera one, expected one of two"):
-        calibrated(camera, own, {"camera_name": "two"})
-    with pytest.raises(DataError, match="codes of 8×9 pixels, expected 8×10"):
-        calibrated(SpectralCamera(WAVES, (8, 10), 2, dispersion=0.5), own)
-    with pytest.raises(DataError, match="sensor of 8×11 pixels, expected 8×13"):
-        calibrated(SpectralCamera(WAVES, (8, 9), 2, dispersion=2.0), own)
-    with pytest.raises(DataError, match="a timing of 2 slots, expected 3"):
-        calibrated(SpectralCamera(WAVES, (8, 9), 3), own)
-    with pytest.raises(DataError, match="with dispersion, expected one of a light-field camera"):
-        calibrated(LightFieldCamera(3, (8, 9), 2), with_parts(dispersion=dispersed((0, 1, 2))))
+@pytest.mark.parametrize(
+    ("camera", "notes", "words"),
+    [
+        (SpectralCamera(WAVES, (8, 9), 2), {"camera_name": "two"}, "a calibration of camera one, expected one of two"),
+        (SpectralCamera(WAVES, (8, 10), 2, dispersion=0.5), {}, "codes of 8×9 pixels, expected 8×10"),
+        (SpectralCamera(WAVES, (8, 9), 2, dispersion=2.0), {}, "sensor of 8×11 pixels, expected 8×13"),
+        (SpectralCamera(WAVES, (8, 9), 3), {}, "a timing of 2 slots, expected 3"),
+        (LightFieldCamera(3, (8, 9), 2), {}, "with dispersion, expected one of a light-field camera"),
+    ],
+)
+def test_calibrations_of_other_cameras_are_refused(camera, notes, words):
+    own = Calibration.empty("one").with_part("timing", timed(), {}, sensor=(8, 11), codes=(8, 9))
+    calibrated(SpectralCamera(WAVES, (8, 9), 2), own, {"camera_name": "one"})
+    if camera.kind == "light-field":
+        own = with_parts(dispersion=dispersed((0, 1, 2)))
+    with pytest.raises(DataError, match=words):
+        calibrated(camera, own, notes)
 
 
-def test_calibrations_older_than_the_codes_are_refused():
-    camera, now = SpectralCamera(WAVES, (8, 9), 2), datetime.now(UTC)
-    own = replace(with_parts(), about={**with_parts().about, "created": now.isoformat()})
-    calibrated(camera, own, {"codes_date": (now - timedelta(days=1)).isoformat()})
-    with pytest.raises(DataError, match="one after the codes"):
-        calibrated(camera, own, {"codes_date": (now + timedelta(days=1)).isoformat()})
-    with pytest.raises(DataError, match="a date such as"):
-        calibrated(camera, own, {"codes_date": "yesterday"})
-
-
-def against(told, now, shifts=(-1.0, 0.0, 2.0), waves=WAVES):
-    """A calibration whose registration was measured again, at another wavelength."""
+@pytest.mark.parametrize(("told", "now"), [(550e-9, 550e-9), (None, 550e-9), (550e-9, 650e-9)])
+def test_a_mask_that_was_registered_again_keeps_the_dispersion(told, now):
+    camera = SpectralCamera(WAVES, (8, 9), 2, dispersion=[-1.0, 0.0, 2.0])
     settings = {} if told is None else {"registration_wavelength_m": told}
-    place = registered((8, 9), (8, 12), [[1, 0, 0], [0, 1, 1]], wavelength=now)
-    own = with_parts(registration=place)
-    return own.with_part("dispersion", dispersed(shifts, wavelengths=waves), {}, settings=settings)
-
-
-@pytest.mark.parametrize("told", [550e-9, None])
-def test_a_mask_that_was_registered_again_keeps_the_dispersion(told):
-    camera = SpectralCamera(WAVES, (8, 9), 2, dispersion=[-1.0, 0.0, 2.0])
-    moved = registered((8, 9), (8, 12), [[1, 0, 1], [0, 1, 2]])
-    found = calibrated(camera, against(told, 550e-9).with_part("registration", moved, {}))
-    assert found.dispersion == camera.dispersion
-
-
-def test_a_mask_that_was_registered_again_in_other_light_keeps_what_lies_between_the_wavelengths():
-    camera = SpectralCamera(WAVES, (8, 9), 2, dispersion=[-1.0, 0.0, 2.0])
-    found = calibrated(camera, against(550e-9, 650e-9))
+    again = with_parts(registration=registered((8, 9), (8, 12), [[1, 0, 1], [0, 1, 2]], now))
+    found = calibrated(camera, again.with_part("dispersion", dispersed((-1.0, 0.0, 2.0)), {}, settings=settings))
     assert found.dispersion.displacement == pytest.approx(camera.dispersion.displacement)
 
 
 def test_what_a_mask_was_not_known_to_leak_is_none_of_the_shutter():
     camera = SpectralCamera(WAVES, (8, 9), 2, shutter=torch.eye(2)[:, :, None].expand(2, 2, 11).repeat(1, 4, 1))
-    late = Timing(0.0, 1.0, np.zeros(2), 1.0, 0.0, 2, leakage=0.03)
-    mask = replace(registered((8, 9), (8, 11), [[1, 0, 0], [0, 1, 1]]), leakage=0.01)
+    late = timed(leakage=0.03)
+    mask = registered((8, 9), (8, 11), leakage=0.01)
     own = with_parts(registration=mask).with_part("timing", late, {}, settings={"aperture_leakage": 0.0})
     assert float(calibrated(camera, own).codes()[1].min()) == pytest.approx(0.02)
 
@@ -305,8 +263,50 @@ def test_what_cannot_be_calibrated_is_said():
     with pytest.raises(SettingError, match="a single disperser"):
         calibrated(dual, with_parts())
     camera = SpectralCamera(WAVES, (8, 9), 2)
-    unknown = registered((8, 9), (8, 11), [[1, 0, 0], [0, 1, 1]], wavelength=None)
+    unknown = registered((8, 9), (8, 11), wavelength=None)
     with pytest.raises(DataError, match="unknown wavelength"):
         calibrated(camera, with_parts(registration=unknown))
     with pytest.raises(SettingError, match="over all bands"):
         calibrated(SpectralCamera((400e-9, 550e-9, 700e-9), (8, 9), 2), with_parts(dispersion=dispersed((0, 1, 2))))
+
+
+def taken(bench, *scene):
+    with torch.no_grad():
+        return bench.recorded(Snapshot(bench.camera(*scene), bench.camera))
+
+
+@pytest.mark.parametrize("size", [(7, 20), (8, 21)])
+@pytest.mark.parametrize("shifts", [(-2.5, 0.0, 2.5), (-0.6, 0.0, 0.3)])
+def test_the_same_calibration_leads_back_to_the_camera_that_took_it(tmp_path, size, shifts):
+    camera = SpectralCamera(WAVES, size, 2, seed=3)
+    place = registered(size, camera.snapshot_shape[1:], [[1, 0.01, 0.3], [0, 1, 0.6]])
+    parts = {"registration": place, "dispersion": dispersed(shifts), "timing": timed(delay=0.2)}
+    known = with_parts(**parts).save(tmp_path / "cam")
+    found, scene = bench_of(camera, known.path), torch.rand(1, 3, *size)
+    snapshot = taken(found, scene)
+    assert snapshot.camera is camera
+    back = calibrated_snapshot(snapshot, known)
+    with torch.no_grad():
+        assert torch.allclose(back.values, calibrated(camera, known).A(scene), atol=1e-6)
+        assert not torch.allclose(snapshot.values, camera.A(scene), atol=0.1)
+    with pytest.raises(DataError, match="was applied to"):
+        calibrated_snapshot(back, known)
+
+
+def test_a_sensor_is_as_noisy_as_it_was_measured(tmp_path):
+    camera = LightFieldCamera(3, (40, 41), 2, shutter="open")
+    even, good = np.ones((40, 41)), np.zeros((40, 41), np.uint8)
+    dark, flat = DarkField(100 * even, 8 * even, good, 4), FlatField(even, 2000.0, 0.0, 0.0, good, 4)
+    known = with_parts(dark=dark, flat=flat).save(tmp_path / "cam")
+    snapshot = taken(bench_of(camera, known.path), torch.zeros(1, 3, 3, 40, 41))
+    assert float(snapshot.values.std()) == pytest.approx(8 * camera.full_scale / 2000, rel=0.05)
+
+
+def test_codes_that_are_drawn_are_as_old_as_the_calibration_they_are_shown_under(tmp_path, monkeypatch):
+    camera = SpectralCamera(WAVES, (6, 7), 2)
+    when = datetime(2020, 5, 1, 12, tzinfo=UTC)
+    monkeypatch.setattr(calibration_file, "_now", lambda: when)
+    known = with_parts(timing=timed()).save(tmp_path / "cam")
+    assert bench_of(camera, known.path).notes["codes_date"] == when.isoformat()
+    now = datetime.fromisoformat(bench_of(camera).notes["codes_date"])
+    assert abs((datetime.now(UTC) - now).total_seconds()) < 60

@@ -49,14 +49,12 @@ def test_maps_go_there_and_back():
         inverse(np.zeros((2, 3)))
 
 
-@pytest.mark.parametrize(("codes", "sensor"), [ODD, EVEN])
+@pytest.mark.parametrize(("codes", "sensor"), [((33, 41), (52, 52)), ((40, 48), (56, 56))])
 @pytest.mark.parametrize("turn", [0.8, 89.2, 181.0])
 def test_the_map_is_found_again_to_a_twentieth_of_a_pixel(codes, sensor, turn):
-    sensor = (max(sensor), max(sensor))
     patterns = calibration_patterns(codes)
     truth = affine(codes, sensor, turn=turn, scale=1.02, shear=0.008, shift=(1.3, -0.6))
-    frames = noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4) + 40)
-    found = register(frames, patterns)
+    found = register(noisy(900 * seen_by_rays(patterns, truth, sensor, blur=0.4) + 40), patterns)
     assert found.offset(truth) < 0.05
     assert found.blur == pytest.approx(0.4, abs=0.05)
     assert found.offset(truth) < 6 * found.edge_std
@@ -74,13 +72,24 @@ def test_a_mirror_image_is_told_from_a_turn():
     assert found.offset(truth) < 0.05
 
 
-def test_uneven_light_does_not_move_the_mask():
-    codes, sensor = EVEN
-    patterns = calibration_patterns(codes)
-    truth = affine(codes, sensor, turn=0.5, shift=(0.3, -0.4))
-    light = 1 - 0.5 * np.linspace(0, 1, sensor[1]) + 0.2 * np.linspace(-1, 1, sensor[0])[:, None]
-    found = register(noisy(light * seen_by_rays(patterns, truth, sensor)), patterns)
-    assert found.offset(truth) < 0.05
+@pytest.mark.parametrize(
+    ("codes", "sensor", "scale", "shift"),
+    [(*EVEN, 1.0, (0.3, -0.4)), ((16, 16), (64, 70), 1.0, (9, -12)), ((40, 48), (40, 48), 0.5, (0, 0)),
+     ((40, 48), (40, 48), 1.0, (14, 3))],
+)  # fmt: skip
+def test_uneven_light_a_small_image_and_one_half_beside_the_sensor_do_not_move_the_mask(codes, sensor, scale, shift):
+    patterns, truth = calibration_patterns(codes), affine(codes, sensor, turn=0.3, scale=scale, shift=shift)
+    y, x = np.meshgrid(*(np.linspace(-0.7, 0.7, n) for n in sensor), indexing="ij")
+    shown = noisy(900 * (1 - 0.5 * np.hypot(y, x) + 0.2 * x) * seen_by_rays(patterns, truth, sensor, blur=0.2))
+    assert register(shown, patterns, scale=scale).offset(truth) < 0.05
+
+
+def test_a_map_that_the_frames_do_not_tell_is_refused():
+    codes, sensor = (16, 16), (24, 24)
+    patterns, truth = calibration_patterns(codes, 1), affine(codes, sensor)
+    shown = noisy(900 * seen_by_rays(patterns, truth, sensor, blur=1.6), 20)
+    with pytest.raises(DataError, match=r"of doubt about the mask's corners, expected 0\.25 at most"):
+        register(shown, patterns, start=truth)
 
 
 @pytest.mark.slow
