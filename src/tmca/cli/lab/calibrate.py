@@ -7,7 +7,7 @@ from typing import Literal
 
 from cyclopts import App
 
-from tmca.cli.lab.calibrate_steps import measured_all, residual_lines, step_commands
+from tmca.cli.lab.calibrate_steps import residual_lines, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
@@ -15,7 +15,6 @@ from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check
 app = App(name="calibrate", help="From captures to a dated calibration; without a step, the order of the steps.")
 for _name, _command in step_commands():
     app.command(_command, name=_name)
-app.command(measured_all, name="all")
 app.command(
     "tmca.cli.lab.calibrate_capture:capture", name="capture", help="Frames for a step, taken by a device or simulated."
 )

@@ -104,38 +104,6 @@ def _settings(how: CalibrationOptions, **given: Any) -> StepSettings:
     return StepSettings(saturation=how.saturation, **given)
 
 
-def measured_all(
-    folder: Path,
-    /,
-    *,
-    wavelength: float | None = None,
-    reflectance: float | None = None,
-    power: Path | None = None,
-    curve: Curve = "cauchy",
-    scale: float = 1.0,
-    snapshot: Path | None = None,
-    how: CalibrationOptions = _USUAL,
-) -> None:
-    """Measure every step whose frames are in FOLDER, in their order: what capture and render write.
-
-    Args:
-        folder: with folders dark, flat, white, linearity, registration, buckets, timing, dispersion,
-            shear, psf0 …, patterns.
-        wavelength: of the registration, nm; what capture took says it.
-        reflectance: of the white reference; what capture took says it, else 1.
-        power: text file of the source: wavelength in nm, power; FOLDER/source.csv where it is there.
-        curve: of the dispersion: powers of 1/λ² (cauchy) or of λ (polynomial), or none (measured).
-        scale: sensor pixels per mask pixel, to 6 %.
-        snapshot: a snapshot file of the camera, for points before a spectral-depth camera (psf0, …).
-    """
-    from tmca.lab.calibration.steps import measure_all
-
-    given: dict[str, Any] = {"reflectance": reflectance, "wavelength": wavelength, "scale": scale, "power": power}
-    asked = _settings(how, **given, curve=curve, snapshot=snapshot)
-    for step, calibration in measure_all(folder, how.started(), asked):
-        how.finished(calibration, step)
-
-
 _OPTIONS: dict[str, tuple[Any, Any, str]] = {
     "white": (Path | None, None, "frames of a white scene, mask and shutter held open for a snapshot's exposure."),
     "reflectance": (float, 1.0, "of that scene: 0.5 of a grey reference, which does not saturate."),
@@ -151,7 +119,18 @@ _OPTIONS: dict[str, tuple[Any, Any, str]] = {
     "slot": (Whole, 0, "whose mask was shown, counted from 0."),
 }
 """Option of a step → its type, default and help."""
+_OF_ALL: dict[str, tuple[Any, Any, str]] = {
+    "wavelength": (float | None, None, "of the registration, nm; what capture took says it."),
+    "reflectance": (float | None, None, "of the white reference; what capture took says it, else 1."),
+    "power": (Path | None, None, "text file of the source: nm, power; FOLDER/source.csv where it is there."),
+    "snapshot": (Path | None, None, "a snapshot file of the camera, for points before a spectral-depth one (psf0, …)."),
+}
+"""The same where all steps are measured."""
 _COMMANDS = {
+    "all": ("wavelength reflectance power curve scale snapshot",
+        "Measure every step whose frames are in FOLDER, in their order: what capture and render write.",
+        "with folders dark, flat, white, linearity, registration, buckets, timing, dispersion, shear, psf0 …, "
+        "patterns."),
     "dark": ("", "Offset, read noise and hot pixels, from CAPTURES without light.",
         "folder of frames (PNG, TIFF, NPY) or a stack; two or more, exposed like the others."),
     "flat": ("white reflectance", "Response of every pixel, from CAPTURES of even light; the level of white.",
@@ -181,14 +160,15 @@ _COMMANDS = {
 
 
 def step_commands() -> Iterator[tuple[str, Callable[..., None]]]:
-    """Name of every step, and the function of ``tmca calibrate NAME``."""
+    """Name of every step and of all, and the function of ``tmca calibrate NAME``."""
     place, option = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
     for step, (names, text, captures) in _COMMANDS.items():
-        options = {name: _OPTIONS[name] for name in names.split()}
-        parameters = [inspect.Parameter("captures", place, annotation=Path)]
+        known = _OPTIONS | _OF_ALL if step == "all" else _OPTIONS
+        options, where = {name: known[name] for name in names.split()}, "folder" if step == "all" else "captures"
+        parameters = [inspect.Parameter(where, place, annotation=Path)]
         for name, (kind, default, _) in (options | {"how": (CalibrationOptions, _USUAL, "")}).items():
             parameters.append(inspect.Parameter(name, option, annotation=kind, default=default))
-        helps = {"captures": captures} | {name: about for name, (_, _, about) in options.items()}
+        helps = {where: captures} | {name: about for name, (_, _, about) in options.items()}
         command = _command(step)
         command.__doc__ = "\n    ".join([f"{text}\n\nArgs:", *(f"{name}: {about}" for name, about in helps.items())])
         command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
@@ -197,9 +177,14 @@ def step_commands() -> Iterator[tuple[str, Callable[..., None]]]:
 
 def _command(step: str) -> Callable[..., None]:
     def command(captures: Path, /, *, how: CalibrationOptions = _USUAL, **given: Any) -> None:
-        from tmca.lab.calibration.steps import measure
+        from tmca.lab.calibration.steps import measure, measure_all
 
-        part = f"wavefront{given.get('slot', 0)}" if step == "psf" else step
-        how.finished(measure(step, how.started(), captures, _settings(how, **given)), part)
+        start, asked = how.started(), _settings(how, **given)
+        if step == "all":
+            for part, calibration in measure_all(captures, start, asked):
+                how.finished(calibration, part)
+        else:
+            part = f"wavefront{asked.slot}" if step == "psf" else step
+            how.finished(measure(step, start, captures, asked), part)
 
     return command
