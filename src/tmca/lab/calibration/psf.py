@@ -269,13 +269,8 @@ class _Model:
         return self.points[depth] * torch.polar(torch.ones_like(phase), phase)
 
     def _pixels(self, light: Tensor) -> Array:
-        """(..., L, h, w) sum of samples over pixels."""
-        if self.samples > 1:
-            flat = light.reshape(-1, 1, *light.shape[-2:])
-            light = torch.nn.functional.avg_pool2d(flat, self.samples).reshape(
-                *light.shape[:-2], light.shape[-2] // self.samples, light.shape[-1] // self.samples
-            )
-        return np.asarray(light.numpy(), dtype=np.float64)
+        """(..., L, h, w) mean of samples over pixels."""
+        return np.asarray(torch.nn.functional.avg_pool2d(light, self.samples), dtype=np.float64)
 
     def _split(self, shape: Array, depth: int) -> tuple[Array, Array, Any]:
         """What the best light and background leave of each frame, the light (L,), and the projection that frees of

@@ -47,7 +47,7 @@ _EDGE = 2
 """Pixels that are taken off the edge of what is lit."""
 
 
-class Shares(NamedTuple):
+class _Shares(NamedTuple):
     """Frames of coded patterns as shares of the open one's light.
 
     Args:
@@ -64,20 +64,9 @@ class Shares(NamedTuple):
     light: Array
 
 
-def coded_shares(
-    frames: ArrayLike, patterns: ArrayLike, *, scale: float = 1.0, source: object = "registration"
-) -> Shares:
-    """Share of the open frame's light in the frames of coded patterns, where the mask is lit.
-
-    Args:
-        frames: (P, H, W) linear digital numbers, one for each pattern, in their order.
-        patterns: (P, h, w) of zeros and ones; one all open and one all dark among them.
-        scale: sensor pixels per mask pixel.
-        source: named in errors.
-
-    Raises:
-        DataError: another number of frames, no open, dark or coded pattern, or no light.
-    """
+def _shares(frames: ArrayLike, patterns: ArrayLike, scale: float, source: object) -> _Shares:
+    """Share of the open frame's light in the frames of coded patterns, where the mask is lit; errors as of
+    ``register``."""
     values, shown = np.asarray(frames, dtype=np.float64), np.asarray(patterns, dtype=np.float64)
     if len(values) != len(shown):
         remedy = "capture them in the order of the patterns"
@@ -93,7 +82,7 @@ def coded_shares(
     lit = _lit(light - dark, image, noise, source)
     above = np.where(lit, light - dark, 1.0)
     shares = np.where(lit, (values[coded] - dark) / above, 0.0)
-    return Shares(shares, shown[coded], lit, dark, light)
+    return _Shares(shares, shown[coded], lit, dark, light)
 
 
 def _lit(above: Array, image: float, noise: float, source: object) -> np.ndarray:
@@ -201,14 +190,14 @@ def register(
         source: named in errors.
 
     Raises:
-        DataError: no open or dark pattern, patterns that are not seen, or a fit that leaves more than 0.4 of the
-            patterns' contrast or the place of the mask's corners uncertain.
+        DataError: another number of frames, no open, dark or coded pattern, patterns that are not seen, or a fit that
+            leaves more than 0.4 of the patterns' contrast or the place of the mask's corners uncertain.
         SettingError: an impossible scale.
     """
     if not 0 < scale < np.inf:
         raise SettingError("--scale", f"{scale:g}", "sensor pixels per mask pixel, above 0")
     scale = scale if start is None else _scale(np.asarray(start))
-    seen = coded_shares(frames, patterns, scale=scale, source=source)
+    seen = _shares(frames, patterns, scale, source)
     shares, shown, lit = seen.values, seen.shown, seen.lit
     matrix = find_coarse(shares, shown, lit, scale, source) if start is None else np.asarray(start, dtype=np.float64)
     fit: Any = None
