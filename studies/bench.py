@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tmca.lab.calibration.apply import calibrated_snapshot, measured_sensor
 from tmca.lab.calibration.captures import calibration_patterns
-from tmca.lab.calibration.dispersion import MeasuredDispersion
+from tmca.lab.calibration.displacement import MeasuredDispersion
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.pattern_image import moved

@@ -11,8 +11,7 @@ from tmca.cameras import Hardware, LightFieldCamera, Snapshot, SpectralCamera, S
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration import file as calibration_file
 from tmca.lab.calibration.apply import bench_of, calibrated, calibrated_snapshot
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.psf import ZernikeFit
 from tmca.lab.calibration.registration import Registration, nominal_matrix

@@ -16,8 +16,7 @@ from tmca.errors import DataError, OutputError
 from tmca.lab.calibration.apply import bench_of, check_fits
 from tmca.lab.calibration.buckets import BucketMixing
 from tmca.lab.calibration.captures import averaged, read_captures
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
 from tmca.lab.calibration.fits import WAVE as BY_WAVE
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit

@@ -9,8 +9,7 @@ from studies.ray_physics import point_of, seen_by_rays
 from tests.lab.calibration.rays import affine, noisy
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.calibration.captures import calibration_patterns
-from tmca.lab.calibration.dispersion import measure_dispersion
-from tmca.lab.calibration.displacement import displacement_of, measure_shear
+from tmca.lab.calibration.displacement import displacement_of, measure_dispersion, measure_shear
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.psf import MODES, fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import Registration

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from tmca.lab.calibration.buckets import BucketMixing
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
 from tmca.lab.calibration.pattern_image import mapped
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration, nominal_matrix

@@ -15,8 +15,7 @@ from tmca.data import nm_to_metres
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.buckets import measure_buckets
 from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
-from tmca.lab.calibration.dispersion import REGISTERED_AT, Curve, measure_dispersion
-from tmca.lab.calibration.displacement import measure_shear
+from tmca.lab.calibration.displacement import REGISTERED_AT, Curve, measure_dispersion, measure_shear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import register
@@ -47,7 +46,7 @@ class StepSettings:
         scale: sensor pixels per mask pixel, to 6 %.
         device: (rows, columns) of the mask, to be checked.
         power: text file of the source's power: nm, power.
-        curve, order: of the dispersion, see `tmca.lab.calibration.dispersion.measure_dispersion`.
+        curve, order: of the dispersion, see `tmca.lab.calibration.displacement.measure_dispersion`.
         snapshot: a file of the camera, whose masks and bench ``psf`` frames are of.
         slot: whose mask they show.
         saturation: of all frames.

@@ -14,8 +14,7 @@ from tmca.attributes import Attributes, FiniteJson
 from tmca.data import plain
 from tmca.errors import DataError
 from tmca.lab.calibration.buckets import BucketMixing
-from tmca.lab.calibration.dispersion import MeasuredDispersion
-from tmca.lab.calibration.displacement import MeasuredShear
+from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity

@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.dispersion import REGISTERED_AT
+from tmca.lab.calibration.displacement import REGISTERED_AT
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.cameras.base import BRIGHT, Light, check_light
