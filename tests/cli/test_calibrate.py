@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.cli.calls import answer, said
+from tests.cli.calls import answer, run, said
 from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.lab.calibration.file import load_calibration
@@ -89,18 +89,11 @@ def test_patterns_are_pictures_to_show(capsys, tmp_path):
     assert "an existing output" in refused(capsys, "calibrate", "patterns", "shown")
 
 
-def warned_by(capsys, *arguments):
-    """Standard error of a command that does its work."""
-    capsys.readouterr()
-    main([str(a) for a in arguments])
-    return capsys.readouterr().err
-
-
 @pytest.mark.filterwarnings("default::tmca.lab.quality.Doubtful")
 def test_what_a_step_puts_in_doubt_is_said(capsys, bench):
     dark = ("calibrate", "dark", "bench/dark", "--out", "rendered", "--no-figures")
-    assert warned_by(capsys, *dark) == ""
-    doubted = warned_by(capsys, "calibrate", "dark", "bench/dispersion", "--out", "x", "--no-figures")
+    assert run(capsys, *dark).err == ""
+    doubted = run(capsys, "calibrate", "dark", "bench/dispersion", "--out", "x", "--no-figures").err
     assert "noise of saturation" in doubted
     assert doubted.count("\n") == 1
 

@@ -4,15 +4,12 @@ import pytest
 import torch
 
 from tests.lab.acquisition.test_capture import exported
+from tests.lab.calibration.test_one_bench import measured, scene_of, taken
 from tmca.cameras import CAMERAS, SpectralCamera
 from tmca.errors import SettingError
-from tmca.lab.acquisition.drivers import find_device
-from tmca.lab.acquisition.session import capture, joined
 from tmca.lab.calibration.apply import calibrated_snapshot
-from tmca.lab.calibration.capturing import capture_step
-from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import measure_all, steps_of
+from tmca.lab.calibration.steps import steps_of
 from tmca.lab.cameras import LAB_CAMERAS, LightFieldLab, SpectralLab, lab_camera
 from tmca.lab.display.manifest import read_manifest
 from tmca.sensor import Sensor
@@ -37,16 +34,10 @@ def toy():
 def test_a_camera_of_ones_own_is_captured_and_calibrated(tmp_path, toy):
     export = exported(tmp_path, toy)
     assert steps_of(toy, read_manifest(export)) == ("dark", "flat", "white")
-    scene = torch.rand(1, *toy.scene_shape, generator=torch.Generator().manual_seed(3))
-    bench = find_device("simulated", camera=toy, scene=[scene], whole=False)
-    taken = joined(capture(export, bench, tmp_path / "frames", gain=bench.gain), export, toy)
-    for step in steps_of(toy, read_manifest(export)):
-        lamp = find_device("simulated", camera=toy, scene=[], whole=False)
-        capture_step(step, export, lamp, tmp_path / "bench", toy, Asked(4), bench={"driver": "simulated"})
-    *_, (_, calibration) = measure_all(tmp_path / "bench", Calibration.empty())
-    calibrated = calibrated_snapshot(taken, calibration)
+    seen = taken(tmp_path / "frames", export, toy)
+    calibrated = calibrated_snapshot(seen, measured(tmp_path / "bench", export, toy, asked=Asked(4)))
     with torch.no_grad():
-        exact = toy.A(scene)
+        exact = toy.A(scene_of(toy))
     # a pixel whose shutter is never open is none of the snapshot; noise of 1e-3 is
     assert float((calibrated.values - exact).abs().max()) < 0.02
 

@@ -1,6 +1,7 @@
 """The bench's own physics, held against what is known in closed form or by other programs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,12 +15,11 @@ from studies.ray_physics import (
     overlap_in_time,
     pairs_in_time,
     point_of,
-    seen_by_rays,
     spectral_light,
     time_beside,
 )
 from studies.rendered_bench import nominal_spectral, place_of_codes, spectral_truth
-from tmca.cameras import Hardware, SpectralCamera, imperfect
+from tmca.cameras import Hardware, LightFieldCamera, SpectralCamera, imperfect
 from tmca.lab.calibration.registration import nominal_matrix
 from tmca.optics import PhaseMaskBench
 
@@ -38,28 +38,16 @@ def test_without_faults_the_spectral_bench_is_the_camera(size):
     camera = SpectralCamera(waves, size, 3, dispersion=[-2.0, 0.0, 3.0])
     truth = ideal(spectral_truth(camera, 0), place_of_codes(camera), 0.0)
 
-    class Whole:
-        """The truth with displacements in whole pixels."""
-
-        def __getattr__(self, name):
-            return getattr(truth, name)
-
-        def shifts(self, wavelengths):
-            return np.array([[0, -2.0], [0, 0.0], [0, 3.0]])
-
-        def response(self, wavelengths):
-            return np.ones(3)
-
+    shifts = np.array([[0, -2.0], [0, 0.0], [0, 3.0]])  # in whole pixels
+    whole = SimpleNamespace(**vars(truth), shifts=lambda _: shifts, response=lambda _: np.ones(3))
     scene = np.random.default_rng(0).uniform(0, 1, (3, *size))
     with torch.no_grad():
         exact = camera.A(torch.from_numpy(scene)[None].float())[0, 0].numpy() / camera.full_scale
-    assert np.abs(spectral_light(camera, Whole(), scene) - exact).max() < 1e-3
+    assert np.abs(spectral_light(camera, whole, scene) - exact).max() < 1e-3
 
 
 @pytest.mark.parametrize("leaks", [{}, {"contrast_ratio": 30.0, "leakage": 0.04}])
 def test_without_faults_of_place_and_time_the_light_field_bench_is_the_camera(leaks):
-    from tmca.cameras import LightFieldCamera
-
     camera = LightFieldCamera(3, (24, 27), 2)
     drawn = BenchTruth.drawn(camera.mask_size, camera.size, nominal_matrix(camera.mask_size, camera.size), 0.0, 2, 0)
     truth = replace(ideal(drawn, nominal_matrix(camera.mask_size, camera.size), 0.0), **leaks)
@@ -97,8 +85,6 @@ def test_what_leaks_by_hand():
 
 @pytest.mark.parametrize("delay", [0.25, -0.2])
 def test_snapshots_and_pairs_of_slots_leak_alike(delay):
-    from tmca.cameras import LightFieldCamera
-
     known = LightFieldCamera(1, (24, 25), 2)
     place = nominal_matrix(known.mask_size, known.size)
     drawn = ideal(BenchTruth.drawn(known.mask_size, known.size, place, 0.0, 2, 0), place, 0.0)
@@ -130,13 +116,6 @@ def test_a_flat_mirror_in_focus_gives_the_airy_disk():
     airy = (2 * j1(angle + 1e-9) / (angle + 1e-9)) ** 2
     airy = airy.reshape(21, 21, 24, 21).mean(axis=(1, 3))
     assert np.abs(light / light.sum() - airy / airy.sum()).max() < 0.01 * (airy / airy.sum()).max()
-
-
-def test_a_pattern_on_whole_pixels_is_seen_as_it_is():
-    pattern = np.random.default_rng(0).integers(2, size=(1, 9, 12)).astype(float)
-    assert np.array_equal(
-        seen_by_rays(pattern, np.array([[1.0, 0, 2], [0, 1.0, 1]]), (12, 14))[0, 2:11, 1:13], pattern[0]
-    )
 
 
 def test_frames_have_the_noise_that_was_asked_for():

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from tests.lab.acquisition.test_capture import exported
+from tests.lab.calibration.test_one_bench import bench_of
 from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
 from tmca.data import read_array
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
@@ -30,10 +31,6 @@ def spectral(size=(17, 20), slots=3, **settings):
 
 def light_field(size=(16, 19), slots=2):
     return LightFieldCamera(views=3, size=size, slots=slots, shutter="one-hot")
-
-
-def bench_of(camera, **settings):
-    return find_device("simulated", camera=camera, scene=[], **settings)
 
 
 def frame(folder, name, bench):
@@ -198,24 +195,18 @@ def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("light", "said"), [({"wavelength": 500e-9}, "450, 540, 650"), ({"view": (0, 0)}, "none of a spectral")]
+    ("camera", "light", "said"),
+    [
+        (spectral(), Light("white", wavelength=500e-9), "450, 540, 650"),
+        (spectral(), Light("white", view=(0, 0)), "none of a spectral"),
+        (light_field(), Light("white", view=(2, 0)), "one of 3×3, from the middle"),
+        (light_field(), Light("point"), "found a point before a light-field camera"),
+        (SpectralDepthCamera.from_preset("quick", size=(20, 21), slots=1), Light("point", depth=0.8), "colour filters"),
+    ],
 )
-def test_the_simulated_bench_says_what_it_can_be_lit_with(tmp_path, light, said):
-    from tmca.lab.display.export import Export
-
-    camera = spectral()
-    folder, bench = exported(tmp_path, camera, *BOTH), bench_of(camera)
-    bench.load(Export(folder, read_manifest(folder)))
-    bench.illuminate(Light("white", **light))
-    bench.show(0)
+def test_the_simulated_bench_says_what_it_can_be_lit_with(camera, light, said):
     with pytest.raises(DeviceError, match=said):
-        bench.capture()
-
-
-def test_points_behind_colour_filters_are_refused():
-    camera = SpectralDepthCamera.from_preset("quick", size=(20, 21), slots=1)
-    with pytest.raises(DeviceError, match="colour filters"):
-        lab_camera(camera).lit(camera, Light("point", depth=0.8))
+        lab_camera(camera).lit(camera, light)
 
 
 @pytest.mark.parametrize("asked", [{"frames": 1}, {"reflectance": 0}, {"reflectance": float("nan")}, {"pattern": 4}])

@@ -29,23 +29,25 @@ def scene_of(camera):
     return torch.nn.functional.avg_pool2d(fine.flatten(1, -3), 5, 1, 2).reshape(fine.shape)
 
 
-def measured(folder, export, camera, hardware, asked=None, known=None):
+def bench_of(camera, export=None, scene=(), hardware=None, **more):
+    """The simulated bench that an export is shown on."""
+    whole = export is None or exposed_whole(read_manifest(export))
+    return find_device("simulated", camera=camera, scene=list(scene), hardware=hardware, whole=whole, **more)
+
+
+def measured(folder, export, camera, hardware=None, asked=None, known=None):
     """The calibration of a simulated bench, from frames of all steps."""
     waves = tuple(getattr(camera, "wavelengths", ()))
     asked = asked or Asked(frames=8, wavelengths=(*waves[2:], *waves[:2]))
-    manifest = read_manifest(export)
-    for step in steps_of(camera, manifest):
-        if step == "linearity" and camera.sensor.full_well is None:
-            continue
-        how = {"hardware": hardware, "whole": exposed_whole(manifest)}
-        bench = find_device("simulated", camera=camera, scene=[], **how)
-        capture_step(step, export, bench, folder, camera, asked, bench={"driver": "simulated"})
+    for step in steps_of(camera, read_manifest(export)):
+        if step != "linearity" or camera.sensor.full_well is not None:
+            bench = bench_of(camera, export, hardware=hardware)
+            capture_step(step, export, bench, folder, camera, asked, bench={"driver": "simulated"})
     return list(measure_all(folder, Calibration.empty(), known or StepSettings(curve="measured")))[-1][1]
 
 
 def taken(folder, export, camera, hardware=None):
-    how = {"hardware": hardware, "whole": exposed_whole(read_manifest(export))}
-    bench = find_device("simulated", camera=camera, scene=[scene_of(camera)], **how)
+    bench = bench_of(camera, export, [scene_of(camera)], hardware)
     return joined(capture(export, bench, folder, gain=bench.gain), export, camera)
 
 
@@ -125,7 +127,7 @@ def test_leaks_are_shared_out_whenever_the_mask_is_registered(tmp_path, known):
 
 def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
     camera = spectral((18, 21))
-    export, bench = exported(tmp_path, camera), find_device("simulated", camera=camera, scene=[])
+    export, bench = exported(tmp_path, camera), bench_of(camera)
     for step in ("dark", "flat"):
         capture_step(step, export, bench, tmp_path / "bench", camera, Asked(2))
     with pytest.raises(DataError, match="calibrate capture white"):

@@ -9,19 +9,18 @@ import torch
 
 from tests.lab.acquisition.test_capture import exported
 from tests.lab.calibration.test_capturing import light_field
+from tests.lab.calibration.test_one_bench import bench_of, measured, scene_of
 from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError
-from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.calibration.apply import calibrated, check_fits
-from tmca.lab.calibration.capturing import capture_step, shots_of
-from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.capturing import shots_of
 from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.parts import KINDS, kind_of
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import STEPS, measure, measure_all, part_figure, step_of, steps_of
+from tmca.lab.calibration.steps import STEPS, measure, part_figure, step_of, steps_of
 from tmca.lab.cameras import LAB_CAMERAS
-from tmca.lab.display.manifest import exposed_whole, read_manifest
+from tmca.lab.display.manifest import read_manifest
 from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
 
@@ -63,17 +62,13 @@ class Bench:
     def __init__(self, folder, kind):
         make, devices, self.hardware = BENCHES[kind]
         self.camera, self.folder = make(), folder / "bench"
-        self.export = exported(folder, self.camera, *devices)
-        self.manifest = read_manifest(self.export)
+        export = exported(folder, self.camera, *devices)
+        self.manifest = read_manifest(export)
         self.steps = steps_of(self.camera, self.manifest)
-        waves = LABS[kind].wavelengths(self.camera)
-        self.asked = Asked(8, tuple(waves), tuple(LABS[kind].depths(self.camera)))
-        for step in self.steps:
-            how = {"hardware": self.hardware, "whole": exposed_whole(self.manifest)}
-            device = find_device("simulated", camera=self.camera, scene=[], **how)
-            capture_step(step, self.export, device, self.folder, self.camera, self.asked, bench={"driver": "simulated"})
+        waves, depths = LABS[kind].wavelengths(self.camera), LABS[kind].depths(self.camera)
+        self.asked = Asked(8, tuple(waves), tuple(depths))
         self.given = StepSettings(curve="measured", snapshot=folder / "taken.nc")
-        self.calibration = list(measure_all(self.folder, Calibration.empty(kind), self.given))[-1][1]
+        self.calibration = measured(self.folder, export, self.camera, self.hardware, self.asked, self.given)
 
     def truth(self):
         """The camera as its bench really is."""
@@ -135,7 +130,7 @@ def test_a_fit_leaves_what_is_usual(benches, kind, name):
 
 def dark(bench, part):
     """The frames of a sensor with channels are their mean."""
-    device = find_device("simulated", camera=bench.camera, scene=[])
+    device = bench_of(bench.camera)
     read = bench.camera.noise.read / (bench.camera.snapshot_shape[0] / bench.camera.buckets) ** 0.5
     assert part.noise * device.gain == pytest.approx(read, rel=0.1)
     first, *others = part.mean if part.mean.ndim == 3 else [part.mean]
@@ -146,7 +141,7 @@ def dark(bench, part):
 
 
 def flat(bench, part):
-    device = find_device("simulated", camera=bench.camera, scene=[])
+    device = bench_of(bench.camera)
     gains = [one.mean() for one in part.gain] if part.gain.ndim == 3 else [1.0]
     level = 0.5 * bench.camera.full_scale * (1 + bench.hardware.bucket_gain / 2)
     assert part.level * device.gain == pytest.approx(level, rel=5e-3)
@@ -155,7 +150,7 @@ def flat(bench, part):
 
 
 def linearity(bench, part):
-    device = find_device("simulated", camera=bench.camera, scene=[])
+    device = bench_of(bench.camera)
     electrons = device.gain * SENSOR.full_well / bench.camera.white * bench.camera.exposures
     assert part.gain == pytest.approx(electrons, rel=0.1)
     assert part.largest_deviation < 0.01
@@ -239,8 +234,7 @@ def test_a_step_needs_those_before_it(benches, kind, name):
 def test_all_steps_together_make_the_camera_of_the_bench(benches, kind):
     """Of the bench's image of a scene the calibrated camera leaves a fraction of what the drawn one does."""
     bench = benches(kind)
-    fine = torch.rand(1, *bench.camera.scene_shape, generator=torch.Generator().manual_seed(3))
-    scene = (torch.nn.functional.avg_pool2d(fine.flatten(1, -3), 5, 1, 2).reshape(fine.shape),)
+    scene = (scene_of(bench.camera),)
     if kind == "spectral-depth":
         scene += (torch.full((1, 1, *bench.camera.size), float(bench.camera.planes.metres[2])),)
     lab, nominal = LABS[kind], bench.camera
