@@ -1,23 +1,20 @@
 """Cameras with what was measured of them: codes, planes and light are where physics puts them."""
 
 from collections import Counter
-from datetime import UTC, datetime
 
 import numpy as np
 import pytest
 import torch
 
+from tests.lab.calibration.test_file import PARTS
 from tmca.cameras import Hardware, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration import file as calibration_file
 from tmca.lab.calibration.apply import bench_of, calibrated, calibrated_snapshot
 from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.psf import ZernikeFit
 from tmca.lab.calibration.registration import Registration, nominal_matrix
 from tmca.lab.calibration.sensor import DarkField, FlatField
 from tmca.lab.calibration.timing import Timing
-from tmca.optics.zernike import zernike_modes
 
 WAVES = (450e-9, 550e-9, 650e-9)
 SIZES = [(8, 11), (9, 12)]
@@ -175,21 +172,6 @@ def test_a_light_field_camera_takes_the_measured_shear(size, step):
     assert torch.allclose(images(found, scene), images(exact, scene), atol=1e-5)
 
 
-def test_wavefronts_are_added_to_the_heights():
-    camera, modes = SpectralDepthCamera(4, (40, 41), 2), ((2, 0), (3, 1))
-    fits = {
-        f"wavefront{k}": ZernikeFit(
-            ((2, 0), (3, 1)), np.array([1e-8, -2e-8 * k]), np.zeros(2), np.zeros((2, 2)), 0.0, 1
-        )
-        for k in (0, 1)
-    }
-    change = calibrated(camera, with_parts(**fits)).codes()[0] - camera.codes()[0]
-    shapes = zernike_modes(modes, camera.bench.mask_size)
-    assert torch.allclose(change[1].double(), 1e-8 * shapes[0] - 2e-8 * shapes[1], atol=1e-12)
-    with pytest.raises(DataError, match="measure every slot"):
-        calibrated(camera, with_parts(wavefront0=fits["wavefront0"]))
-
-
 def raw_parts(sensor, hot=()):
     faults = np.zeros(sensor, np.uint8)
     for place in hot:
@@ -259,6 +241,8 @@ def test_what_a_mask_was_not_known_to_leak_is_none_of_the_shutter():
 
 def test_what_cannot_be_calibrated_is_said():
     dual = SpectralCamera(WAVES, (8, 9), 2, disperser="dual")
+    with pytest.raises(DataError, match="wavefronts of 1 slots, expected 2"):
+        calibrated(SpectralDepthCamera(4, (40, 41), 2), with_parts(wavefront0=PARTS["wavefront0"]))
     with pytest.raises(SettingError, match="a single disperser"):
         calibrated(dual, with_parts())
     camera = SpectralCamera(WAVES, (8, 9), 2)
@@ -290,22 +274,3 @@ def test_the_same_calibration_leads_back_to_the_camera_that_took_it(tmp_path, si
         assert not torch.allclose(snapshot.values, camera.A(scene), atol=0.1)
     with pytest.raises(DataError, match="was applied to"):
         calibrated_snapshot(back, known)
-
-
-def test_a_sensor_is_as_noisy_as_it_was_measured(tmp_path):
-    camera = LightFieldCamera(3, (40, 41), 2, shutter="open")
-    even, good = np.ones((40, 41)), np.zeros((40, 41), np.uint8)
-    dark, flat = DarkField(100 * even, 8 * even, good, 4), FlatField(even, 2000.0, 0.0, 0.0, good, 4)
-    known = with_parts(dark=dark, flat=flat).save(tmp_path / "cam")
-    snapshot = taken(bench_of(camera, known.path), torch.zeros(1, 3, 3, 40, 41))
-    assert float(snapshot.values.std()) == pytest.approx(8 * camera.full_scale / 2000, rel=0.05)
-
-
-def test_codes_that_are_drawn_are_as_old_as_the_calibration_they_are_shown_under(tmp_path, monkeypatch):
-    camera = SpectralCamera(WAVES, (6, 7), 2)
-    when = datetime(2020, 5, 1, 12, tzinfo=UTC)
-    monkeypatch.setattr(calibration_file, "_now", lambda: when)
-    known = with_parts(timing=timed()).save(tmp_path / "cam")
-    assert bench_of(camera, known.path).notes["codes_date"] == when.isoformat()
-    now = datetime.fromisoformat(bench_of(camera).notes["codes_date"])
-    assert abs((datetime.now(UTC) - now).total_seconds()) < 60

@@ -68,16 +68,13 @@ def test_the_glass_disperses_as_its_catalogue_says():
     assert np.ptp(glass_shift([400e-9, 700e-9], 550e-9, 11.0)) == pytest.approx(11)
 
 
-def test_slots_overlap_by_hand():
+def test_slots_overlap_and_leak_by_hand():
     # the shutter is late by a quarter of a slot and as long as the aperture's slots
     assert np.allclose(overlap_in_time(2, 0.25, 1.0), [[0.75, 0], [0.25, 0.75]], atol=1e-3)
     assert np.allclose(overlap_in_time(2, 0.0, 0.5), [[0.5, 0.5], [0, 0]], atol=1e-3)
     assert np.allclose(time_beside(2, 0.25, 1.0), [0.25, 0], atol=1e-3)
     assert np.allclose(time_beside(2, 0.0, 0.5), [0, 1], atol=1e-3)
-
-
-def test_what_leaks_by_hand():
-    # first slot of both: 3/4 open in both, 1/4 behind the closed shutter; 1 behind both closed
+    # first slot of both with leaks: 3/4 open in both, 1/4 behind the closed shutter; 1 behind both closed
     found = pairs_in_time(2, 0.25, 1.0, 50.0, 0.01)
     assert found[0, 0] == pytest.approx(0.75 + 0.25 * 0.01 + 0.25 * 0.02 + 0.75 * 0.0002, abs=1e-3)
     assert found[0, 1] == pytest.approx(0.01 + 0.75 * 0.02 + 0.25 * 0.0002, abs=1e-4)

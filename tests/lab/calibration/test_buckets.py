@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from tests.lab.acquisition.test_capture import exported
+from tests.lab.calibration.test_capturing import Driver
 from tests.lab.calibration.test_file import PARTS
 from tests.lab.calibration.test_one_bench import taken
 from tmca.cameras import LightFieldCamera
@@ -119,26 +120,11 @@ def test_a_calibration_of_other_buckets_is_refused(buckets):
         check_fits(camera, two_buckets())
 
 
-class OneBucket:
-    """A sensor whose driver reads its first bucket alone."""
-
-    saturation = 4095.0
-
-    def load(self, export):
-        pass
-
-    def show(self, slot):
-        pass
-
-    def capture(self, whole=False):
-        return np.full((32, 35), 7, np.uint16)
-
-
 def test_a_capture_without_one_of_the_buckets_is_refused_and_not_kept(tmp_path):
     camera = light_field()
     export = exported(tmp_path, camera, *DEVICES)
     with pytest.raises(DataError, match="a frame of 32×35, expected 2×32×35"):
-        capture(export, OneBucket(), tmp_path / "frames", camera=camera)
+        capture(export, Driver((32, 35)), tmp_path / "frames", camera=camera)
     assert not (tmp_path / "frames").exists()
 
 

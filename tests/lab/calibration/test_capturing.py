@@ -85,15 +85,6 @@ def test_even_light_and_white_are_exposed_as_the_frames_are(tmp_path, shutter):
         np.testing.assert_allclose(levels["linearity"][name], wanted, atol=2e-4)
 
 
-def test_pairs_of_slots_meet_where_both_are_open(tmp_path):
-    camera = spectral(slots=3)
-    bench = bench_of(camera)
-    folder = capture_step("timing", exported(tmp_path, camera, *BOTH), bench, tmp_path / "b", camera)
-    for i, j in itertools.product(range(3), repeat=2):
-        seen = frame(folder, f"aperture_{i}_shutter_{j}", bench)[:, 2:-2].mean()
-        assert seen == pytest.approx(2.2 / 3 if i == j else 0, abs=2 * bench.gain)
-
-
 def test_of_many_slots_only_neighbours_are_paired(tmp_path):
     camera = spectral(slots=7)
     manifest = read_manifest(exported(tmp_path, camera, *BOTH))
