@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from tmca.errors import DataError, SettingError
-from tmca.lab.frames import check_size
+from tmca.lab.frames import Array, check_size
 
-Array = NDArray[np.float64]
 Factor = Annotated[float, Field(gt=0.9, lt=1.1)]
 _BROAD, _SMOOTH = 5.0, 4.0
 """Pixels: Gaussian width of the local mean, and of what counts as slow in mask and capture."""
@@ -175,12 +174,9 @@ def _peak(places: Array, values: Array, at: int) -> float:
 def _line(x: Array, y: Array, weights: Array) -> tuple[Array, float]:
     """Intercept and slope of a line through points, three rounds without what lies three deviations away."""
     inliers = np.ones(len(x), dtype=bool)
-    line: Array = np.zeros(2)
-    deviation = 0.0
+    line, deviation = np.zeros(2), 0.0
     for _ in range(3):
-        line = np.asarray(
-            np.polynomial.polynomial.polyfit(x[inliers], y[inliers], 1, w=weights[inliers]), dtype=np.float64
-        )
+        line = np.asarray(np.polynomial.polynomial.polyfit(x[inliers], y[inliers], 1, w=weights[inliers]))
         away = np.abs(y - line[0] - line[1] * x)
         deviation = float(np.sqrt(np.mean(away[inliers] ** 2)))
         inliers = away <= max(3 * deviation, 0.05)
@@ -215,15 +211,14 @@ def shutter_place(
     if shutter.ndim != 3 or shutter.shape[:2] != values.shape or not (shutter.sum(-1) == 1).all():
         raise SettingError("shutter", f"patterns of shape {shutter.shape}", "(H, W, K), every pixel open in one slot")
     if fixed is not None and any(abs(by) >= size for by, size in zip(fixed, values.shape, strict=True)):
-        raise SettingError(
-            "shift", f"{fixed[0]},{fixed[1]}", f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
-        )
+        expected = f"less than the capture's {'×'.join(map(str, values.shape))} pixels"
+        raise SettingError("shift", f"{fixed[0]},{fixed[1]}", expected)
     slots, rest, count = shutter.argmax(-1), _fine_part(values), shutter.shape[-1]
     shift = fixed or _best_shift(rest, slots, count, reach)
     return shift, seam_of(*overlapping(rest, slots, shift), count)
 
 
-def _best_shift(rest: NDArray[np.floating], slots: NDArray[np.integer], count: int, reach: int) -> tuple[int, int]:
+def _best_shift(rest: Array, slots: np.ndarray, count: int, reach: int) -> tuple[int, int]:
     shifts = [(dy, dx) for dy, dx in product(range(-reach, reach + 1), repeat=2)]
     scores = np.array([explained_by_time(*overlapping(rest, slots, shift), count) for shift in shifts])
     best = int(scores.argmax())
@@ -235,9 +230,7 @@ def _best_shift(rest: NDArray[np.floating], slots: NDArray[np.integer], count: i
     return shifts[best]
 
 
-def overlapping(
-    values: NDArray[Any], patterns: NDArray[Any], shift: tuple[int, int]
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def overlapping(values: np.ndarray, patterns: np.ndarray, shift: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     """The pixels of a capture (H, W) that displaced patterns (H, W, …) lie on, and those patterns."""
     inside, of = zip(*(_parts(s, n) for s, n in zip(shift, values.shape, strict=True)), strict=True)
     return values[inside], patterns[of]
@@ -247,13 +240,13 @@ def _parts(shift: int, size: int) -> tuple[slice, slice]:
     return slice(max(0, shift), size + min(0, shift)), slice(max(0, -shift), size + min(0, -shift))
 
 
-def explained_by_time(rest: NDArray[np.floating], slots: NDArray[np.integer], count: int) -> float:
+def explained_by_time(rest: Array, slots: np.ndarray, count: int) -> float:
     """Chi-squared, less its expectation, of the means of blocks of pixels in parts of the exposure."""
     light, number = _sums(rest, slots * _BINS // count, _BINS)
     return float((light**2 / np.maximum(number, 1)).sum() - (number > 0).sum())
 
 
-def seam_of(rest: NDArray[np.floating], slots: NDArray[np.integer], count: int) -> int:
+def seam_of(rest: Array, slots: np.ndarray, count: int) -> int:
     """The slot whose next ones differ most from those before it: there the scene of the end meets that of the
     beginning."""
     light, number = _sums(rest, slots, count)
@@ -263,18 +256,14 @@ def seam_of(rest: NDArray[np.floating], slots: NDArray[np.integer], count: int) 
     return int(np.nansum(differences, axis=0).argmax())
 
 
-def _running(
-    light: NDArray[np.floating], number: NDArray[np.floating], width: int, step: int
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _running(light: Array, number: Array, width: int, step: int) -> tuple[Array, Array]:
     """(blocks, K) mean over ``width`` slots from each one on (step 0), or up to it (-1), and its variance."""
     places = (np.arange(light.shape[1])[:, None] + step * width + np.arange(width)) % light.shape[1]
     many = np.maximum(number[:, places].sum(-1), 1.0)
     return np.asarray(light[:, places].sum(-1) / many), np.asarray(1 / many)
 
 
-def _sums(
-    rest: NDArray[np.floating], bins: NDArray[np.integer], count: int
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _sums(rest: Array, bins: np.ndarray, count: int) -> tuple[Array, Array]:
     """(blocks, count) sum of the standardised light of a block's pixels in every bin, and their number."""
     rows, columns = (np.arange(n) // _BLOCK for n in rest.shape)
     block = rows[:, None] * (columns[-1] + 1) + columns
@@ -290,7 +279,7 @@ def _sums(
     return np.asarray(light, dtype=np.float64), np.asarray(number, dtype=np.float64)
 
 
-def _fine_part(values: NDArray[np.floating]) -> NDArray[np.floating]:
+def _fine_part(values: NDArray[np.floating]) -> Array:
     """A capture without what stands still over neighbouring pixels; stray values cut."""
     from scipy.ndimage import median_filter
 
