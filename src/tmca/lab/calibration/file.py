@@ -22,7 +22,7 @@ from tmca.data import atomic_path, check_target, checksum_of, plain, read_datase
 from tmca.data.files import read_groups
 from tmca.errors import DataError
 from tmca.lab.calibration.parts import StatedStep, StoredStep, group_of, kind_of, part_of
-from tmca.lab.calibration.sensor import corrected, defects
+from tmca.lab.calibration.sensor import mended
 from tmca.lab.frames import Array, check_size
 from tmca.lab.notes import date_of_frames, parsed_date
 
@@ -60,8 +60,15 @@ class Calibration:
         return self.parts.get(name)
 
     def corrected(self, values: ArrayLike) -> Array:
-        """Frames (…, H, W) without dark, over the flat field, defects mended, as far as these were measured."""
-        return corrected(values, self.part("dark"), self.part("flat"))
+        """Frames (…, H, W), or (…, R, H, W), without dark, over the flat field, defects mended, as far as these were
+        measured."""
+        light, dark, flat = np.asarray(values, dtype=np.float64), self.part("dark"), self.part("flat")
+        if dark is not None:
+            light = light - dark.mean
+        if flat is not None:
+            light = light / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
+        bad = self.defects()
+        return light if bad is None or not bad.any() else mended(light, bad)
 
     def light(self, values: ArrayLike) -> Array:
         """(N, H, W) of frames (N, H, W), or (N, R, H, W), corrected, all buckets together."""
@@ -70,7 +77,8 @@ class Calibration:
 
     def defects(self) -> NDArray[np.bool_] | None:
         """(H, W), or (R, H, W), hot and dead pixels; None where neither dark nor flat was measured."""
-        return defects(self.part("dark"), self.part("flat"))
+        planes = [self.parts[name].defects > 0 for name in ("dark", "flat") if name in self.parts]
+        return np.asarray(np.logical_or.reduce(planes)) if planes else None
 
     def settings(self, name: str) -> Mapping[str, Any]:
         """Of the step that measured a part, none where it was not measured."""

@@ -274,32 +274,15 @@ def _transfer(levels: Array, variances: Array, frames: int, source: object) -> t
     return float(1 / slope), float(std), float(np.sqrt(max(floor, 0.0)) / slope)
 
 
-def corrected(values: ArrayLike, dark: DarkField | None, flat: FlatField | None) -> Array:
-    """Frames (…, H, W), or (…, R, H, W) of several buckets, without dark, over the flat field, defects replaced by the
-    median of their neighbours; steps that were not measured are left out."""
-    light = np.asarray(values, dtype=np.float64)
-    if dark is not None:
-        light = light - dark.mean
-    if flat is not None:
-        light = light / np.where(flat.defects == 0, np.maximum(flat.gain, 1e-3), 1.0)
-    bad = defects(dark, flat)
-    return light if bad is None or not bad.any() else _mended(light, bad)
-
-
-def defects(dark: DarkField | None, flat: FlatField | None) -> NDArray[np.bool_] | None:
-    """(H, W) hot and dead pixels; None without dark and flat."""
-    planes = [part.defects > 0 for part in (dark, flat) if part is not None]
-    return np.asarray(np.logical_or.reduce(planes)) if planes else None
-
-
-def _mended(values: Array, bad: np.ndarray) -> Array:
+def mended(values: Array, bad: np.ndarray) -> Array:
+    """Values (…, H, W), or (…, R, H, W) of several buckets, bad ones replaced by the median of their neighbours."""
     if bad.ndim == 3:
-        return np.stack([_mended(values[..., r, :, :], bad[r]) for r in range(len(bad))], axis=-3)
-    mended = values.copy()
+        return np.stack([mended(values[..., r, :, :], bad[r]) for r in range(len(bad))], axis=-3)
+    filled = values.copy()
     border = [(0, 0)] * (values.ndim - 2) + [(1, 1), (1, 1)]
     padded = np.pad(np.where(bad, np.nan, values), border, constant_values=np.nan)
     for y, x in np.argwhere(bad):
         around = padded[..., y : y + 3, x : x + 3].reshape(*values.shape[:-2], 9)
         with np.errstate(all="ignore"):
-            mended[..., y, x] = np.nan_to_num(np.nanmedian(around, axis=-1))
-    return mended
+            filled[..., y, x] = np.nan_to_num(np.nanmedian(around, axis=-1))
+    return filled
