@@ -145,7 +145,7 @@ def find_coarse(shares: Array, shown: Array, lit: np.ndarray, scale: float, sour
     target, size = _features(shares, lit), (int(shares.shape[1]), int(shares.shape[2]))
     best, coarse = 0.0, np.zeros((2, 3))
     for factor, turn in product(_SCALES, _turns()):
-        matrix = _centred(scale * factor * turn, shown.shape[1:], shares.shape[1:])
+        matrix = centred(scale * factor * turn, shown.shape[1:], shares.shape[1:])
         matrix = moved(matrix, whole_shift(target[0], _masked(shown[:1], matrix, size)[0]))
         score = _alike(target, shown, matrix, lit)
         if score > best:
@@ -166,7 +166,7 @@ def _turns() -> list[Array]:
     return [np.linalg.matrix_power(quarter, n) @ other for other in (plain, flip) for n in range(4)]
 
 
-def _centred(linear: Array, codes: tuple[int, ...], sensor: tuple[int, ...]) -> Array:
+def centred(linear: Array, codes: tuple[int, ...], sensor: tuple[int, ...]) -> Array:
     """The linear map that lays the middle of the mask on the middle of the sensor."""
     middle, place = (np.array([(n - 1) / 2 for n in size]) for size in (codes, sensor))
     return np.hstack([linear, (place - linear @ middle)[:, None]])

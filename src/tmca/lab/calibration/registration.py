@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.fitting import fit_std, robust_std
-from tmca.lab.calibration.pattern_image import SAMPLES, find_coarse, mapped, seen_patterns
+from tmca.lab.calibration.pattern_image import SAMPLES, centred, find_coarse, mapped, seen_patterns
 from tmca.lab.frames import Array
 
 
@@ -164,8 +164,7 @@ class Registration:
 
 def nominal_matrix(codes: tuple[int, int], sensor: tuple[int, int], scale: float = 1.0) -> Array:
     """The (2, 3) map that lays the middle of the mask on the middle of the sensor, unturned."""
-    middles = [((s - 1) / 2, (c - 1) / 2) for s, c in zip(sensor, codes, strict=True)]
-    return np.hstack([scale * np.eye(2), [[s - scale * c] for s, c in middles]])
+    return centred(scale * np.eye(2), codes, sensor)
 
 
 def register(

@@ -86,7 +86,7 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
         name: of the step.
         calibration: to build on.
         path: captures.
-        told: what they do not say.
+        given: what they do not say.
 
     Raises:
         DataError: a step before it is missing, captures that are missing, saturated or dark, or a fit that failed.
@@ -122,7 +122,7 @@ def measure_all(
         folder: what `tmca calibrate capture` or `tmca calibrate render` wrote: ``dark``, ``flat``, ``white``, … ,
             ``psf0`` …, ``patterns`` and, of the source's power, ``source.csv``.
         start: what is built on.
-        told: what frames do not say, but for patterns, white and slot.
+        given: what frames do not say, but for patterns, white and slot.
 
     Yields:
         Name of the part, and the calibration after it.

@@ -99,8 +99,10 @@ def leaking_shutter(camera: Any, calibration: Calibration) -> Array:
     """
     shutter, bad = camera.codes()[1].detach().double(), calibration.defects()
     if camera.buckets > 1:
-        planes = _sorted(bucket_shutters(shutter, camera.slots, camera.buckets), calibration).numpy()
-        planes = planes if bad is None else np.where(bad[:, None], 0.0, planes)
+        shutters = bucket_shutters(shutter, camera.slots, camera.buckets)
+        if (mixing := calibration.part("buckets")) is not None:
+            shutters = mixed_buckets(shutters - mixing.transfer * changing(shutters), mixing.leakage)
+        planes = shutters.numpy() if bad is None else np.where(bad[:, None], 0.0, shutters.numpy())
         return planes.reshape(-1, *planes.shape[2:])
     timing, registration = calibration.part("timing"), calibration.part("registration")
     share = 0.0 if timing is None else timing.leakage
@@ -109,14 +111,6 @@ def leaking_shutter(camera: Any, calibration: Calibration) -> Array:
         share = max(0.0, share + (known - registration.closed_light))
     planes = leaked(shutter, share).numpy()
     return planes if bad is None else np.where(bad, 0.0, planes)
-
-
-def _sorted(shutters: Tensor, calibration: Calibration) -> Tensor:
-    """(R, K, H, W) what every bucket collects, as it was measured."""
-    mixing = calibration.part("buckets")
-    if mixing is None:
-        return shutters
-    return mixed_buckets(shutters - mixing.transfer * changing(shutters), mixing.leakage)
 
 
 def grey_codes(aperture: Any, shutter: Any) -> Codes:
