@@ -13,14 +13,12 @@ from tests.lab.calibration.test_one_bench import bench_of, measured, scene_of
 from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated, check_fits
-from tmca.lab.calibration.capturing import shots_of
 from tmca.lab.calibration.fits import StepSettings
-from tmca.lab.calibration.parts import KINDS, kind_of
+from tmca.lab.calibration.parts import KINDS
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import STEPS, measure, part_figure, step_of, steps_of
+from tmca.lab.calibration.steps import STEPS, measure, part_figure, step_of
 from tmca.lab.cameras import LAB_CAMERAS
-from tmca.lab.display.manifest import read_manifest
 from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
 
@@ -63,12 +61,9 @@ class Bench:
         make, devices, self.hardware = BENCHES[kind]
         self.camera, self.folder = make(), folder / "bench"
         export = exported(folder, self.camera, *devices)
-        self.manifest = read_manifest(export)
-        self.steps = steps_of(self.camera, self.manifest)
-        waves, depths = LABS[kind].wavelengths(self.camera), LABS[kind].depths(self.camera)
-        self.asked = Asked(8, tuple(waves), tuple(depths))
+        asked = Asked(8, tuple(LABS[kind].wavelengths(self.camera)), tuple(LABS[kind].depths(self.camera)))
         self.given = StepSettings(curve="measured", snapshot=folder / "taken.nc")
-        self.calibration = measured(self.folder, export, self.camera, self.hardware, self.asked, self.given)
+        self.calibration = measured(self.folder, export, self.camera, self.hardware, asked, self.given)
 
     def truth(self):
         """The camera as its bench really is."""
@@ -105,14 +100,6 @@ def test_every_camera_of_the_table_and_every_part_is_on_a_bench_here():
     assert set(BENCHES) == {*LAB_CAMERAS, "two buckets"}
     assert {name.replace("psf", "wavefront") for _, name in MEASURED} | {"psf"} == set(KINDS)
     assert set(TRUTHS) == {name for _, name in MEASURED}
-
-
-@each_step
-def test_a_step_has_its_frames(benches, kind, name):
-    bench = benches(kind)
-    for step in (step for step in bench.steps if kind_of(step) == name):
-        shots = shots_of(step, bench.camera, bench.manifest, bench.asked)
-        assert sorted(file.stem for file in (bench.folder / step).glob("*.tif")) == sorted(s.name for s in shots)
 
 
 @each_step
