@@ -87,13 +87,11 @@ class LightFieldEvaluation(CameraEvaluation):
         )
 
     def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
-        """See ``CameraEvaluation``."""
         size, crop = (reading.get(name) if measured else None for name in ("size", "crop"))
         scene = read_once(read_middle, source, reading["views"], _asked(reading, measured), size)
         return scene if crop is None else middle_of(scene, (crop[0], crop[1]), source)
 
     def check_scenes(self, learned: Sequence[str], measured: Sequence[str], reading: Settings) -> None:
-        """See ``CameraEvaluation``."""
         view_grid(reading["views"])  # refuses even ones
         check_asked(learned, scale=reading.get("scale"))
         check_asked(measured, test_scale=reading.get("test_scale"))
@@ -101,11 +99,9 @@ class LightFieldEvaluation(CameraEvaluation):
         super().check_scenes(learned, measured, reading)
 
     def rendered(self) -> Mapping[str, Sequence[str]]:
-        """See ``CameraEvaluation``."""
         return split_rendered_light_fields()
 
     def usual_train(self) -> list[str]:
-        """See ``CameraEvaluation``."""
         return sorted(self.rendered()["train"])
 
     def always_measured(self) -> list[str]:
@@ -113,7 +109,6 @@ class LightFieldEvaluation(CameraEvaluation):
         return sorted(self.rendered()["test"])
 
     def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
-        """See ``CameraEvaluation``."""
         self.check_scenes(train, test, {**study.reading, "size": study.reading["frame"]})
 
     def places(self, study: Study, names: Mapping[str, str], files: Sequence[str]) -> list[Place]:
@@ -131,7 +126,6 @@ class LightFieldEvaluation(CameraEvaluation):
         return [*whole, *crops]
 
     def searching(self, reading: Settings) -> Settings:
-        """See ``CameraEvaluation``."""
         return {"views": [reading["views"]] * 2}
 
     def training_camera(self, study: Study) -> Settings:
@@ -143,7 +137,6 @@ class LightFieldEvaluation(CameraEvaluation):
         self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
         stage: TrainStage,
     ) -> Settings:  # fmt: skip
-        """See ``CameraEvaluation``."""
         asked = {name: reading[name] for name in FILES if reading.get(name) is not None}
         return super().training_scenes(reading, train, validation, measured, stage) | asked
 
@@ -194,18 +187,15 @@ class LightFieldEvaluation(CameraEvaluation):
         }}  # fmt: skip
 
     def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
-        """See ``CameraEvaluation``."""
         return {"geometry": {cell["scene"]: cell["error"] for cell in measured if "error" in cell}}
 
     def sections(self, found: Row, study: Study) -> Iterable[Section]:
-        """See ``CameraEvaluation``."""
         rows = [{"scene": scene, **error} for scene, error in found["geometry"].items() if error]
         text = "What the estimator errs by on the true views, where the geometry is known."
         if rows:
             yield Section("Disparity of the true views", [text], rows, [("scene", "scene", ""), *self.columns[-3:-1]])
 
     def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
-        """See ``CameraEvaluation``."""
         from tmca.metrics import estimate_disparity
 
         source, reading, own = cells[0]["source"], cells[0]["reading"], self.estimates(study, cells)
@@ -235,7 +225,6 @@ class LightFieldEvaluation(CameraEvaluation):
         LightFieldCamera(3, (64, 64), sensor=Sensor(**sensor), **own)
 
     def prior_settings(self, prior_kind: str, settings: Settings, reading: Settings) -> Settings:
-        """See ``CameraEvaluation``."""
         return {"atoms": 1024} if prior_kind == "dictionary" else {}
 
 

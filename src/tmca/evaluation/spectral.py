@@ -55,23 +55,19 @@ class SpectralEvaluation(CameraEvaluation):
     }
 
     def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
-        """See ``CameraEvaluation``."""
         size = reading.get("size") if measured else None
         return read_once(load_scene, source, bands=reading["bands"], size=size and (size[0], size[1]))
 
     def rendered(self) -> Mapping[str, Sequence[str]]:
-        """See ``CameraEvaluation``."""
         return split_rendered()
 
     def training_scenes(
         self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
         stage: TrainStage,
     ) -> Settings:  # fmt: skip
-        """See ``CameraEvaluation``."""
         return super().training_scenes(reading, train, validation, measured, stage) | {"bands": reading["bands"]}
 
     def check_point(self, camera: Settings, sensor: Settings) -> None:
-        """See ``CameraEvaluation``."""
         SpectralCamera(bands=2, size=(64, 64), sensor=Sensor(**sensor), **camera)
 
     def prior_settings(self, prior_kind: str, settings: Settings, reading: Settings) -> Settings:
@@ -114,7 +110,6 @@ class SpectralEvaluation(CameraEvaluation):
         return {"expected": found}
 
     def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
-        """See ``CameraEvaluation``."""
         checks = [cell for cell in measured if "expected" in cell]
         return {
             "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks]
@@ -127,7 +122,6 @@ class SpectralEvaluation(CameraEvaluation):
         return {one["code"]: -one["psnr"] for one in found["searches"] if one["noise"] == noise and "psnr" in one}
 
     def sections(self, found: Row, study: Study) -> Iterable[Section]:
-        """See ``CameraEvaluation``."""
         columns = [("code", "code", ""), ("noise", "noise", ""), ("predicted", "predicted (dB)", ".2f")]
         columns += [("train", "on patches of training scenes", ".2f"), ("test", "on patches of test scenes", ".2f")]
         text = "PSNR of single blocks under the Gaussian prior: predicted before anything is captured, and measured on "
@@ -136,7 +130,6 @@ class SpectralEvaluation(CameraEvaluation):
             yield Section("Expected error against measured error", [text], found["expected_error"], columns)
 
     def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
-        """See ``CameraEvaluation``."""
         truth = self.load(cells[0]["source"], cells[0]["reading"], measured=True)
         shown = self.estimates(study, cells)
         cubes = {name: read_dataset(cell["estimate"], ("estimate",))["estimate"].values for name, cell in shown.items()}

@@ -105,7 +105,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return whole
 
     def scene(self, cell: Any) -> xr.Dataset:
-        """See ``CameraEvaluation``."""
         size = _size(cell.reading["crop"])
         camera = self.camera(cell, _Extent(size))
         whole = self.load(cell.source, cell.reading, measured=True, camera=camera)
@@ -113,7 +112,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return of_contrast(scene, float(cell.about["contrast"])) if "contrast" in cell.about else scene
 
     def rendered(self) -> Mapping[str, Sequence[str]]:
-        """See ``CameraEvaluation``."""
         return split_rendered()
 
     def parts(self, scene: Any) -> Settings:
@@ -121,11 +119,9 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return {"size": (scene.sizes["y"], scene.sizes["x"])}
 
     def coded(self, codes: str) -> Settings:
-        """See ``CameraEvaluation``."""
         return read_phase_codes(codes)
 
     def learn(self, cell: Settings, path: Path) -> Path:
-        """See ``CameraEvaluation``."""
         from tmca.priors import learn_prior
 
         probe, scenes = self.probe(cell["reading"]), []
@@ -163,7 +159,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
                 "searched": study.search["searched"], "window": study.options["likelihood"]["window"]}  # fmt: skip
 
     def training_camera(self, study: Study) -> Settings:
-        """See ``CameraEvaluation``."""
         return {"preset": study.reading["preset"], "size": [study.train.settings["data"]["patch"]] * 2}
 
     def training_scenes(
@@ -180,7 +175,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return {**scenes, **_how(reading)}
 
     def middle(self, cell: Measurement, estimate: Estimate, scene: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-        """See ``CameraEvaluation``."""
         size = _size(cell.reading["crop"])
         shown = estimate.to_xarray()
         return middle_of(shown, size, cell.scene), middle_of(scene, size, cell.scene)
@@ -292,7 +286,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return {"block": list(needed_block(reading["window"], self.probe(reading).bench.window))}
 
     def row(self, cells: Sequence[Measured]) -> Row:
-        """See ``CameraEvaluation``."""
         return {"arrived": mean([cell["arrived"] for cell in cells])}
 
     def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
@@ -318,7 +311,6 @@ class SpectralDepthEvaluation(CameraEvaluation):
         return {row["code"]: row["placed"] for row in found["predicted"] if row["noise"] == noise and "placed" in row}
 
     def sections(self, found: Row, study: Study) -> Iterable[Section]:
-        """See ``CameraEvaluation``."""
         columns = [("scene", "scene", ""), *self.columns[:3], ("known_depth", "known depth", ".0%")]
         text = "The middle of the range, in inverse metres, everywhere; depth counts where it is known."
         yield Section("A constant guess", [text], [{"scene": n, **own} for n, own in found["guess"].items()], columns)

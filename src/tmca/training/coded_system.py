@@ -48,7 +48,6 @@ class CodedSystem(TrainingSystem):
             )
 
     def optics(self, window: Window | None = None) -> TapOperator:
-        """See `TrainingSystem`."""
         taps = self.camera.taps()
         return TapOperator(taps if window is None else taps.window(*window))
 
@@ -59,13 +58,11 @@ class CodedSystem(TrainingSystem):
         return (optics if bench is self.camera else bench.window(*window)).A(scenes)
 
     def first(self, seen: Seen) -> Tensor:
-        """See `TrainingSystem`."""
         kind, noise, through = self.network.start, self.noise(seen.sensor), self.through_start and not self.frozen
         with torch.autocast(seen.snapshot.device.type, enabled=False):
             return first_estimate(kind, seen.snapshot, seen.optics, noise, self.prior, differentiable=through)
 
     def cut(self, seen: Seen, tile: Tile) -> Seen:
-        """See `TrainingSystem`."""
         return Seen(*window_of(seen.optics, seen.snapshot, tile), seen.sensor)
 
     def cost_of_codes(self, seen: Seen, truth: Tensor, step: int) -> Tensor | float:
@@ -82,7 +79,6 @@ class CodedSystem(TrainingSystem):
         return {"psnr": float(np.mean(each)), **several}
 
     def anneal(self, slope: float) -> None:
-        """See `TrainingSystem`."""
         self.camera.codes.anneal(slope)
 
     def hold(self) -> None:

@@ -69,7 +69,6 @@ class DepthSystem(TrainingSystem):
         return camera
 
     def image(self, scenes: Tensor, window: Window, bench: Any, optics: Any) -> Tensor:
-        """See `TrainingSystem`."""
         return bench.exact(scenes[:, :-1], self._metres(scenes[:, -1:]))
 
     def inner(self, values: Tensor) -> Tensor:
@@ -90,7 +89,6 @@ class DepthSystem(TrainingSystem):
             return self.inner(first_stage(likelihood, seen.snapshot))
 
     def cut(self, seen: Seen, tile: Tile) -> Seen:
-        """See `TrainingSystem`."""
         return seen._replace(snapshot=seen.snapshot[(..., *tile.seen)])
 
     def cost(self, estimate: DepthEstimate, truth: Tensor) -> Tensor:
@@ -117,11 +115,9 @@ class DepthSystem(TrainingSystem):
         }
 
     def tensors(self, estimate: DepthEstimate) -> tuple[Tensor, ...]:
-        """See `TrainingSystem`."""
         return estimate.cube, estimate.logits
 
     def estimate_of(self, *tensors: Tensor) -> DepthEstimate:
-        """See `TrainingSystem`."""
         return DepthEstimate(*tensors)
 
     def groups(self) -> dict[str, list[nn.Parameter]]:

@@ -77,7 +77,6 @@ class LightFieldTraining(MaskTraining):
     kind, settings = "light-field", LightFieldTrainSettings
 
     def reader(self, settings: LightFieldTrainSettings) -> Load:
-        """See `CameraTraining`."""
         data, reading = settings.data, training_reading(settings)
         names = named_scenes([*data.train, *data.validation, *data.prior])
         if names:
@@ -95,7 +94,6 @@ class LightFieldTraining(MaskTraining):
         return load
 
     def camera(self, settings: LightFieldTrainSettings, first: Callable[[], Any]) -> LightFieldCamera:
-        """See `CameraTraining`."""
         return LightFieldCamera(**starting_arguments(settings, lambda: settings.camera.size))
 
     def channels(self, scene: xr.DataArray, camera: Any) -> NDArray[np.float32]:
@@ -109,7 +107,6 @@ class LightFieldTraining(MaskTraining):
         return replace(super().source(settings, store, camera), views=camera.views)
 
     def truth(self, path: str, camera: LightFieldCamera, colours: bool) -> xr.DataArray:
-        """See `CameraTraining`."""
         field = load_light_field(path, views=None, colour=colours)
         views = (field.sizes["view_v"], field.sizes["view_u"])
         if views != camera.views:
@@ -118,13 +115,11 @@ class LightFieldTraining(MaskTraining):
         return field
 
     def batch(self, scene: xr.DataArray, camera: LightFieldCamera) -> NDArray[np.float32]:
-        """See `CameraTraining`."""
         return as_batch(scene).flatten(1, 2).numpy()
 
     def figure(
         self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: LightFieldCamera
     ) -> Figure:
-        """See `CameraTraining`."""
         from tmca.plots.light_field import light_field_figure
 
         def views(batch: NDArray[np.float32]) -> NDArray[np.float32]:

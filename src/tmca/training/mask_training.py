@@ -29,7 +29,6 @@ class MaskTraining(CameraTraining):
     """What the spectral and the light-field camera have in common."""
 
     def network(self, settings: MaskTrainSettings, camera: Any) -> Network:
-        """See `CameraTraining`."""
         decoder = dict(settings.decoder)
         if "bands" in decoder:
             raise SettingError("decoder.bands", str(decoder["bands"]), "nothing: the data say it", "leave it out")
@@ -41,7 +40,6 @@ class MaskTraining(CameraTraining):
         return build_network(decoder.pop("kind", "unrolled"), bands=camera.channels, **decoder)
 
     def needed_prior(self, settings: MaskTrainSettings, camera: Any, network: Any) -> NeededPrior | None:
-        """See `CameraTraining`."""
         if not starts_from_prior(network):
             return None
         return NeededPrior("mixture" if network.start == "mixture" else "gaussian")
@@ -53,7 +51,6 @@ class MaskTraining(CameraTraining):
         return [torch.from_numpy(np.array(channels[:, top : top + height, left : left + width], dtype=np.float32))]
 
     def build_system(self, settings: Any, *given: Any, **how: Any) -> CodedSystem:
-        """See `CameraTraining`."""
         codes = settings.codes if isinstance(settings, MaskTrainSettings) else None
         return CodedSystem(*given, codes=codes, **how)
 

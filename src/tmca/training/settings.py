@@ -212,7 +212,6 @@ class TrainSettings(RunSettings):
 
     @property
     def starts_trained(self) -> bool:
-        """See `RunSettings`."""
         return self.codes.decoder is not None
 
     def steps(self, scenes: int) -> int:

@@ -49,7 +49,6 @@ class SpectralTraining(MaskTraining):
     kind, settings = "spectral", SpectralTrainSettings
 
     def reader(self, settings: SpectralTrainSettings) -> Load:
-        """See `CameraTraining`."""
         from tmca.data.scenes import load_scene
 
         return lambda name: load_scene(name, bands=settings.data.bands)
@@ -70,7 +69,6 @@ class SpectralTraining(MaskTraining):
         return np.asarray(scene.values, dtype=np.float32)
 
     def truth(self, path: str, camera: SpectralCamera, colours: bool) -> xr.DataArray:
-        """See `CameraTraining`."""
         from tmca.data import nearest_bands
         from tmca.data.scenes import load_scene
 
@@ -79,7 +77,6 @@ class SpectralTraining(MaskTraining):
     def figure(
         self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: SpectralCamera
     ) -> Figure:
-        """See `CameraTraining`."""
         from tmca.plots.cube import reconstruction_figure
 
         cubes = {name: batch[0] for name, batch in batches.items()}

@@ -147,7 +147,6 @@ class SpectralDepthTraining(CameraTraining):
     kind, settings = "spectral-depth", SpectralDepthTrainSettings
 
     def reader(self, settings: SpectralDepthTrainSettings) -> Load:
-        """See `CameraTraining`."""
         from tmca.data.depth_scenes import load_any_depth_scene
 
         camera, how = starting_camera(settings), settings.data.model_dump(include={"side", "placed", "from_rgb"})
@@ -163,7 +162,6 @@ class SpectralDepthTraining(CameraTraining):
         return depth_channels(scene, camera)
 
     def network(self, settings: SpectralDepthTrainSettings, camera: SpectralDepthCamera) -> TwoHeadedUNet:
-        """See `CameraTraining`."""
         return build_depth_network(settings.decoder, camera)
 
     def needed_prior(
@@ -208,7 +206,6 @@ class SpectralDepthTraining(CameraTraining):
             check_mask(weights.camera.point_spread)
 
     def truth(self, path: str, camera: SpectralDepthCamera, colours: bool) -> xr.Dataset:
-        """See `CameraTraining`."""
         from tmca.data.depth_scenes import load_spectral_depth
 
         near, far = camera.planes.near, camera.planes.far
@@ -221,20 +218,17 @@ class SpectralDepthTraining(CameraTraining):
         return scene
 
     def exact(self, batch: Tensor, camera: SpectralDepthCamera) -> Tensor:
-        """See `CameraTraining`."""
         return camera.A(batch[:, :-1], camera.planes.depth_of(batch[:, -1:]))
 
     def decode(
         self, network: TwoHeadedUNet, prior: Any, values: Tensor, camera: SpectralDepthCamera
     ) -> NDArray[np.float32]:
-        """See `CameraTraining`."""
         raw = TwoHeadedNetwork(network, camera, prior)(values)
         return np.concatenate((raw.values.numpy(), camera.planes.share_of(raw.depth).numpy()), axis=1)
 
     def figure(
         self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: SpectralDepthCamera
     ) -> Figure:
-        """See `CameraTraining`."""
         from tmca.plots.depth import before_after
 
         def parts(batch: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -177,7 +177,6 @@ class TrainingSystem(System):
     def forward(
         self, patches: Sequence[Patch], step: int, indexes: Sequence[int], start: Tensor | None = None
     ) -> Tensor:
-        """See `System`."""
         truth, seen = self._batch([patch.truth for patch in patches]), self._taken(patches, step, indexes)
         return self.cost(self.decode(seen, start), truth) + self.cost_of_codes(seen, truth, step)
 

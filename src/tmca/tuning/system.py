@@ -88,7 +88,6 @@ class TunedSystem(System):
         return self.simulated.means([rows]) if rows else {}
 
     def figures(self) -> dict[str, float]:
-        """See `System`."""
         return self.simulated.figures()
 
     def _tile(self, place: Sequence[slice]) -> Tile:
