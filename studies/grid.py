@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from tmca.evaluation.grid import CellsFailed, Grid, Settings, Timed, cell_key, package_version, run_cells, timed
+from tmca.evaluation.grid import CellsFailed, Grid, Settings, Timed, cell_key, package_version, run_cells
 from tmca.evaluation.tables import check_new, repository_commit
 
 __all__ = [
@@ -18,7 +18,6 @@ __all__ = [
     "repository_commit",
     "run_cells",
     "source",
-    "timed",
 ]
 
 

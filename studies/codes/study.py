@@ -111,7 +111,7 @@ def study_codes(
         ranked = replace(first, **_ranked_on(train, validation, test), steps=steps)
         cells += _ranking_cells(ranked, work) + _network_cells(ranked, work, test_slots, seeds)
     measured += _run(engine, cells)
-    engine.failures.check()
+    engine.check()
     split = {name: [Path(n).name for n in names] for name, names in (("train", train), ("test", test))}
     rows = {kind: [row for cell in measured if cell["kind"] == kind for row in cell["rows"]] for kind in KINDS}
     rows.pop("design")

@@ -13,7 +13,7 @@ from typing import Any, NotRequired, TypedDict, cast
 
 import numpy as np
 
-from studies.grid import Settings, Timed, run_cells, source, timed
+from studies.grid import Settings, Timed, run_cells, source
 from tmca.data import held_folder
 from tmca.dbd import (
     BASES,
@@ -271,7 +271,7 @@ def run_studies(
             draw.problem()  # says before the work what cannot be drawn
     cells = [asdict(draw) for each in draws for draw in each]
     with held_folder(work):
-        measured = iter(run_cells(cells, one_draw, work, jobs=jobs, progress=timed(progress)))
+        measured = iter(run_cells(cells, one_draw, work, jobs=jobs, progress=progress))
     return [
         study.rows([cast(Measured, next(measured)) for _ in each]) for study, each in zip(studies, draws, strict=True)
     ]

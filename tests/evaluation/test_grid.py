@@ -39,7 +39,9 @@ def test_every_cell_is_computed_in_order(tmp_path, jobs):
 def test_failed_cells_are_named_and_the_rest_is_kept(tmp_path):
     told = []
     with pytest.raises(CellsFailed, match=r"1 of 5.*cell 3"):
-        run_cells(CELLS, square_but_not_three, tmp_path, progress=lambda done, total, name: told.append((done, total)))
+        run_cells(
+            CELLS, square_but_not_three, tmp_path, progress=lambda done, total, name, left: told.append((done, total))
+        )
     assert told[-1] == (5, 5)
     trouble = tmp_path / f"{cell_key(CELLS[3])}.error.txt"
     assert "three is too many" in trouble.read_text()
@@ -56,7 +58,7 @@ class Power(BaseModel):
 def test_typed_cells_are_their_json_values_and_equal_ones_are_computed_once(tmp_path):
     told = []
     cells = [Power(name="two", value=2)] * 2
-    found = run_cells(cells, square, tmp_path, progress=lambda done, total, name: told.append(name))
+    found = run_cells(cells, square, tmp_path, progress=lambda done, total, name, left: told.append(name))
     assert found == [{"name": "two", "value": 2, "square": 4}] * 2
     assert told == ["two"]
 

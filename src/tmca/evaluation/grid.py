@@ -34,10 +34,10 @@ _DIGEST = "digest"
 Settings = dict[str, Any]
 Measured = dict[str, Any]
 Compute = Callable[[Settings], Measured]
-Progress = Callable[[int, int, str], None]
-"""Called with (cells done, cells in all, name of the last)."""
+Work = tuple[Settings, Path, Compute]
+"""A cell, its file, and what computes it."""
 Timed = Callable[[int, int, str, float], None]
-"""The same with the seconds that are left."""
+"""Called with (cells done, cells in all, name of the last, seconds that are left)."""
 
 
 class CellsFailed(TmcaError):
@@ -61,61 +61,18 @@ def cell_key(settings: Mapping[str, Any], foreign: Sequence[str] = ()) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
-def timed(report: Timed | None) -> Progress | None:
-    """Turn (done, all, name) into (done, all, name, seconds left)."""
-    if report is None:
-        return None
-    start, calls = time.monotonic(), []
-
-    def call(done: int, total: int, name: str) -> None:
-        calls.append(done)
-        report(done, total, name, (time.monotonic() - start) / len(calls) * (total - done))
-
-    return call
-
-
-@dataclass
-class Failures:
-    """Cells of a grid that raised.
-
-    Args:
-        folder: of the grid.
-        total: cells in all.
-        met: name of each and the file of its traceback.
-    """
-
-    folder: Path
-    total: int = 0
-    met: list[tuple[str, Path]] = field(default_factory=list)
-
-    @property
-    def names(self) -> set[str]:
-        """Of the cells."""
-        return {name for name, _ in self.met}
-
-    def check(self) -> None:
-        """Raise CellsFailed if there are any."""
-        if self.met:
-            named = ", ".join(name for name, _ in self.met[:3])
-            raise CellsFailed(
-                self.folder,
-                f"{len(self.met)} of {self.total} cells failed ({named}{', …' if len(self.met) > 3 else ''})",
-                "",
-                f"see {self.met[0][1]}; a rerun computes only what is missing",
-            )
-
-
 @dataclass
 class Grid:
     """The cells of one table, computed part by part; what fails is raised at the end, when the rest is written.
 
     Args:
-        compute: module-level function from settings to measured values.
+        compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
         folder: of a file per finished cell.
         jobs: processes side by side.
-        cluster: parameters of submitit, to send the cells to Slurm instead.
+        cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
         progress: called with (done, all, name, seconds left) after each cell of a part.
-        failures: cells that raised.
+        total: cells in all parts.
+        failed: names of those that raised, and the files of their tracebacks.
     """
 
     compute: Compute
@@ -123,69 +80,87 @@ class Grid:
     jobs: int = 1
     cluster: Settings | None = None
     progress: Timed | None = None
-    failures: Failures = field(init=False)
+    total: int = field(default=0, init=False)
+    failed: list[tuple[str, Path]] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.failures = Failures(make_folder(self.folder))
+        make_folder(self.folder)
 
-    def run(self, cells: Sequence[Settings | BaseModel], compute: Compute | None = None) -> list[Measured]:
-        """Settings and measured values of the cells that could be computed, in their order."""
-        return run_cells(
-            cells, compute or self.compute, self.folder, jobs=self.jobs, cluster=self.cluster,
-            progress=timed(self.progress), failures=self.failures,
-        )  # fmt: skip
+    def run(self, cells: Sequence[Settings | BaseModel]) -> list[Measured]:
+        """Settings and measured values of the cells that could be computed, in their order; those that have a file in
+        the folder are not computed again.
+
+        Args:
+            cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``; a model may have
+                ``foreign``, see `cell_key`.
+        """
+        sweep_all(self.folder)  # of one that was killed behind its last cell; nothing else would be written here
+        asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
+        names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
+        foreign = [getattr(cell, "foreign", ()) for cell in cells]
+        files = [self.folder / f"{cell_key(cell, of_it)}.json" for cell, of_it in zip(asked, foreign, strict=True)]
+        measured = {file: cell for file in dict.fromkeys(files) if (cell := _finished(file)) is not None}
+        waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
+        done, begun = len(asked) - len(waiting), time.monotonic()
+        work = [(asked[index], file, self.compute) for file, index in waiting.items()]
+        for computed, (place, failed) in enumerate(self._outcomes(work), 1):
+            file = work[place][1]
+            name, done = names[waiting[file]], done + 1
+            if failed:
+                self.failed.append((name, file.with_suffix(".error.txt")))
+            elif (cell := _finished(file)) is not None:
+                measured[file] = cell
+            if self.progress:
+                left = (time.monotonic() - begun) / computed * (len(asked) - done)
+                self.progress(done, len(asked), name, left)
+        self.total += len(asked)
+        return [dict(measured[file]) for file in files if file in measured]
+
+    def check(self) -> None:
+        """Raise CellsFailed if cells raised: the message names the first, the folder holds every traceback."""
+        if self.failed:
+            named = ", ".join(name for name, _ in self.failed[:3])
+            raise CellsFailed(
+                self.folder,
+                f"{len(self.failed)} of {self.total} cells failed ({named}{', …' if len(self.failed) > 3 else ''})",
+                "",
+                f"see {self.failed[0][1]}; a rerun computes only what is missing",
+            )
+
+    def _outcomes(self, work: Sequence[Work]) -> Iterator[tuple[int, bool]]:
+        """Places of the cells as they end, and whether they failed."""
+        if self.cluster is not None:
+            yield from _submitted(work, self.folder, self.cluster)
+            return
+        if self.jobs <= 1:
+            for place, cell in enumerate(work):
+                yield place, _one_cell(*cell)
+            return
+        with ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
+            running = {pool.submit(_cell_of_a_worker, *cell): place for place, cell in enumerate(work)}
+            try:
+                for future in as_completed(running):
+                    yield running[future], future.result()
+            except BaseException:
+                workers = list((pool._processes or {}).values())
+                pool.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.terminate()  # a training writes a checkpoint first
+                raise
 
 
 def run_cells(
-    cells: Sequence[Settings | BaseModel],
-    compute: Compute,
-    folder: str | Path,
-    *,
-    jobs: int = 1,
-    cluster: Settings | None = None,
-    progress: Progress | None = None,
-    failures: Failures | None = None,
+    cells: Sequence[Settings | BaseModel], compute: Compute, folder: str | Path, **how: Any
 ) -> list[Measured]:
-    """Compute every cell that has no file in ``folder`` yet.
-
-    Args:
-        cells: settings of each cell, JSON values or a pydantic model of them, with a ``name``; a model may have
-            ``foreign``, see `cell_key`.
-        compute: module-level function from settings to measured values (it runs in another process if jobs > 1).
-        folder: of a file per finished cell.
-        jobs: processes side by side.
-        cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
-        progress: called after each cell.
-        failures: takes the cells that raised, for a later ``failures.check()``; they are then left out of the answer.
-
-    Returns:
-        Settings and measured values of all cells, in their order.
+    """Settings and measured values of all cells, in their order; arguments as of `Grid`.
 
     Raises:
-        CellsFailed: some cells raised and nobody takes them; the message names the first, the folder holds every
-            traceback.
+        CellsFailed: some cells raised.
     """
-    place = make_folder(folder)
-    sweep_all(place)  # of one that was killed behind its last cell; nothing else would be written here
-    asked = [cell.model_dump(mode="json") if isinstance(cell, BaseModel) else cell for cell in cells]
-    names = [str(cell.get("name", index)) for index, cell in enumerate(asked)]
-    foreign = [getattr(cell, "foreign", ()) for cell in cells]
-    files = [place / f"{cell_key(cell, sources)}.json" for cell, sources in zip(asked, foreign, strict=True)]
-    measured = {file: cell for file in dict.fromkeys(files) if (cell := _finished(file)) is not None}
-    waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
-    done, own = len(asked) - len(waiting), failures or Failures(place)
-    for index, failed in _outcomes(asked, [*waiting.values()], files, compute, jobs, cluster):
-        done += 1
-        if failed:
-            own.met.append((names[index], files[index].with_suffix(".error.txt")))
-        elif (cell := _finished(files[index])) is not None:
-            measured[files[index]] = cell
-        if progress:
-            progress(done, len(asked), names[index])
-    own.total += len(asked)
-    if failures is None:
-        own.check()
-    return [dict(measured[file]) for file in files if file in measured]
+    grid = Grid(compute, Path(folder), **how)
+    measured = grid.run(cells)
+    grid.check()
+    return measured
 
 
 def _finished(file: Path) -> Measured | None:
@@ -206,59 +181,25 @@ def _finished(file: Path) -> Measured | None:
     return cell
 
 
-def _outcomes(
-    cells: Sequence[Settings],
-    waiting: Sequence[int],
-    files: Sequence[Path],
-    compute: Compute,
-    jobs: int,
-    cluster: Settings | None,
-) -> Iterator[tuple[int, bool]]:
-    if cluster is not None:
-        yield from _submitted(cells, waiting, files, compute, cluster)
-        return
-    if jobs <= 1:
-        for index in waiting:
-            yield index, _one_cell(cells[index], files[index], compute)
-        return
-    with ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
-        running = {pool.submit(_cell_of_a_worker, cells[i], files[i], compute): i for i in waiting}
-        try:
-            for future in as_completed(running):
-                yield running[future], future.result()
-        except BaseException:
-            workers = list((pool._processes or {}).values())
-            pool.shutdown(wait=False, cancel_futures=True)
-            for worker in workers:
-                worker.terminate()  # a training writes a checkpoint first
-            raise
-
-
-def _submitted(
-    cells: Sequence[Settings],
-    waiting: Sequence[int],
-    files: Sequence[Path],
-    compute: Compute,
-    parameters: Settings,
-) -> Iterator[tuple[int, bool]]:
+def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iterator[tuple[int, bool]]:
     """The outcomes of cells sent to a cluster through submitit."""
     try:
         import submitit
     except ImportError:
         raise SettingError("--slurm", "no submitit", "the package submitit", "pip install submitit") from None
-    if not waiting:
+    if not work:
         return
     chosen = dict(parameters)
-    executor = submitit.AutoExecutor(files[0].parent / "slurm", cluster=chosen.pop("cluster", "slurm"))
+    executor = submitit.AutoExecutor(folder / "slurm", cluster=chosen.pop("cluster", "slurm"))
     executor.update_parameters(name="tmca", **chosen)
     with executor.batch():
-        sent = [executor.submit(_one_cell, cells[i], files[i], compute) for i in waiting]
-    for index, job in zip(waiting, sent, strict=True):
+        sent = [executor.submit(_one_cell, *cell) for cell in work]
+    for place, job in enumerate(sent):
         try:
-            yield index, job.result()
+            yield place, job.result()
         except Exception:  # a job that ran out of time or memory
-            write_text(traceback.format_exc(), files[index].with_suffix(".error.txt"), overwrite=True)
-            yield index, True
+            write_text(traceback.format_exc(), work[place][1].with_suffix(".error.txt"), overwrite=True)
+            yield place, True
 
 
 def _worker(parent: int) -> None:

@@ -73,21 +73,21 @@ def run_study(
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):
-            grid.failures.check()
+            grid.check()
         split: Split = {"train": train, "test": test, "names": names, "validation": validation}
         found = results(study, measured, split, command)
         rows = found["rows"]
         columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
         write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
-        grid.failures.check()
+        grid.check()
     return found
 
 
 def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
     """All cells that can be measured, those first that others need."""
     priors = {cell["prior_kind"]: cell["prior"] for cell in grid.run(plan.priors())}
-    grid.failures.check()
+    grid.check()
     lists = Lists(plan.train, test, priors, plan.places)
     searches = plan.searches(lists)
     for many in (True, False):  # a search of multiplexed codes contains that of the static ones

@@ -104,7 +104,7 @@ def run_sweep(
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])
         if not rows:
-            grid.failures.check()
+            grid.check()
         results = {
             "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
             "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
@@ -112,7 +112,7 @@ def run_sweep(
             "train": [Path(name).name for name in sweep.learned], "rows": rows,
         }  # fmt: skip
         _write(sweep, results, out, overwrite)
-        grid.failures.check()
+        grid.check()
     return results
 
 
