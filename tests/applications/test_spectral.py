@@ -14,7 +14,7 @@ from tmca.cli import main
 from tmca.data import read_dataset, rendered_scene, select_bands
 from tmca.data.scenes import load_scene
 from tmca.decoders import decode
-from tmca.design.corner import corner_conditioning
+from tmca.design.measures import corner_conditioning
 from tmca.errors import DataError, OutputError, SettingError
 from tmca.operators import conditioning, sparse_matrix
 from tmca.priors import GaussianMixturePrior, learn_prior

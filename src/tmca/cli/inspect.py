@@ -37,7 +37,7 @@ def inspect(
     description = describe(file, variable, **reading.given())
     if conditioning:
         from tmca.cameras import Snapshot
-        from tmca.design.corner import corner_conditioning
+        from tmca.design.measures import corner_conditioning
 
         description["matrix"] = corner_conditioning(Snapshot.load(file).camera)
     if figure is not None:

@@ -138,7 +138,7 @@ def spectral_depth(
         set_: NAME=VALUE of the same names for all cells.
     """
     from tmca.data import split_rendered
-    from tmca.training.scenes import named_scenes
+    from tmca.data.scene_names import named_scenes
 
     named = named_scenes([*scenes, *(test or ())]) or sorted(split_rendered()["test"])
     _run("spectral-depth", vary, set_, named, out, work, grid, reading=depth.reading(), decoder=decoder,

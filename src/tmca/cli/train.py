@@ -198,7 +198,7 @@ def _run_with_bar(title: str, doing: str, load: Callable[[str], Any], run: Calla
 
 def _run_tuning(prepared: Any, out: Path, accelerator: str, json: bool) -> None:
     """Fine-tune, draw how it went, and say what came out."""
-    from tmca.tuning.pictures import tuning_pictures
+    from tmca.tuning import tuning_pictures
 
     pictures: list[Path] = []
 

@@ -119,6 +119,13 @@ def read_split(path: str | Path) -> list[Path]:
     return [_verified(path, base, name, checksum, sums) for name, checksum in entries.items()]
 
 
+def named_scenes(entries: Iterable[str]) -> tuple[str, ...]:
+    """Scenes by their names, with the entries of split files (``.txt``) in their places; errors as of `read_split`."""
+    return tuple(
+        str(name) for entry in entries for name in (read_split(entry) if Path(entry).suffix == ".txt" else [entry])
+    )
+
+
 def parse_sums(path: str | Path) -> dict[str, str | None]:
     """Relative path → SHA-256 (None without one) of a split or a manifest, in order, ``./`` and trailing
     ``/`` removed.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from tmca.cameras import CodedCamera
+from tmca.cameras import Camera, CodedCamera, SpectralCamera
 from tmca.design.expected_error import windows
+from tmca.errors import SettingError
+from tmca.operators import conditioning, dual_disperser, single_disperser, sparse_matrix
 from tmca.operators.blocks import BlockModel
 
 
@@ -104,3 +107,29 @@ def _coherence(matrix: Tensor, block: tuple[int, int, int]) -> Tensor:
     unit = unit / unit.norm(dim=0)
     cosines = (unit.mT @ unit).abs()
     return cosines.fill_diagonal_(0).max()
+
+
+def corner_conditioning(camera: Camera, rows: int = 2, columns: int = 40) -> dict[str, Any]:
+    """Rank, condition number and coherence of the matrix of the camera's first rows and columns (no relay blur).
+
+    Rows do not mix in a disperser, so that few of them tell what there is to tell.
+
+    Raises:
+        SettingError: a camera without a disperser.
+    """
+    if not isinstance(camera, SpectralCamera):
+        raise SettingError("conditioning", f"a {camera.kind} camera", "a spectral camera", "its matrix has a corner")
+    height, width = min(rows, camera.size[0]), min(columns, camera.size[1])
+    build, wide = single_disperser, camera.dispersion.extent
+    aperture_width, shutter_width = width, width + wide
+    if camera.disperser == "dual":
+        build, aperture_width, shutter_width = dual_disperser, width + wide, width
+    aperture, shutter = (plane.detach().double() for plane in camera.codes())
+    operator = build(
+        aperture[:, :height, :aperture_width],
+        shutter[:, :height, :shutter_width],
+        camera.dispersion,
+        camera.response.detach().double(),
+        camera.exposure,
+    )
+    return {"rows": height, "columns": width, **asdict(conditioning(sparse_matrix(operator)))}

@@ -204,7 +204,12 @@ class CameraEvaluation:
             "train": [*stage.repeat * [*train], *rendered.get("train", ())],
             "validation": [*validation] or rendered.get("validation", []),
             "prior": [*train] or (["rendered"] if self.rendered() else []),
+            **self.training_reading(reading),
         }
+
+    def training_reading(self, reading: Settings) -> Settings:
+        """How a run reads its scenes."""
+        return {}
 
     # studies
 

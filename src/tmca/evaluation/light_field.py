@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tmca.evaluation.study import Study
-    from tmca.evaluation.study_parts import TrainStage
 
 FILES = ("scale", "pattern", "lens")
 """What is asked of light fields from files."""
@@ -133,12 +132,8 @@ class LightFieldEvaluation(CameraEvaluation):
         patch, period = study.train.settings["data"]["patch"], study.tile()
         return {"views": study.reading["views"], "size": [-(-patch // side) * side for side in period]}
 
-    def training_scenes(
-        self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
-        stage: TrainStage,
-    ) -> Settings:  # fmt: skip
-        asked = {name: reading[name] for name in FILES if reading.get(name) is not None}
-        return super().training_scenes(reading, train, validation, measured, stage) | asked
+    def training_reading(self, reading: Settings) -> Settings:
+        return {name: reading[name] for name in FILES if reading.get(name) is not None}
 
     def measured(self, cell: Measurement, shown: xr.Dataset, truth: xr.DataArray) -> Settings:
         """See ``CameraEvaluation``: also the disparity that whole estimates show, and the quality of every view."""

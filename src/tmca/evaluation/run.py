@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from tmca.data import held_folder, make_folder
-from tmca.data.scene_names import identity_of, short_names
+from tmca.data.scene_names import identity_of, named_scenes, short_names
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings, Timed
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
-from tmca.evaluation.study import Study, named, training_of
+from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
 from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
 
@@ -57,7 +57,7 @@ def run_study(
     check_decoders(study.decoders, study.decoder_labels)
     for name in study.decoders:
         check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
-    train, test, validation = (named(scenes) for scenes in vars(study.scenes).values())
+    train, test, validation = (list(named_scenes(scenes)) for scenes in vars(study.scenes).values())
     if not test:
         raise SettingError("--test", "no scenes", "scenes or split files")
     always = study.evaluation.always_measured() if study.page else []

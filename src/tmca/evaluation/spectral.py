@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tmca.evaluation.study import Study
-    from tmca.evaluation.study_parts import TrainStage
 
 
 class SpectralReading(BaseModel):
@@ -61,11 +60,8 @@ class SpectralEvaluation(CameraEvaluation):
     def rendered(self) -> Mapping[str, Sequence[str]]:
         return split_rendered()
 
-    def training_scenes(
-        self, reading: Settings, train: Sequence[str], validation: Sequence[str], measured: Sequence[str],
-        stage: TrainStage,
-    ) -> Settings:  # fmt: skip
-        return super().training_scenes(reading, train, validation, measured, stage) | {"bands": reading["bands"]}
+    def training_reading(self, reading: Settings) -> Settings:
+        return {"bands": reading["bands"]}
 
     def check_point(self, camera: Settings, sensor: Settings) -> None:
         SpectralCamera(bands=2, size=(64, 64), sensor=Sensor(**sensor), **camera)

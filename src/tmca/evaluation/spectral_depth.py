@@ -98,7 +98,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
         """See ``CameraEvaluation``; made-up spectra of what is measured are of reflectances that nothing learned from.
         Bands and depth range are those of the preset, or of a camera."""
         materials = {"materials": "test"} if measured else {}
-        how = {**_how(reading), **materials, **reading_range(camera or self.probe(reading))}
+        how = {**self.training_reading(reading), **materials, **reading_range(camera or self.probe(reading))}
         whole: xr.Dataset = read_once(load_any_depth_scene, source, **how)
         if measured:
             middle_of(whole, _size(reading["crop"]), source)  # refuses a smaller one
@@ -172,7 +172,10 @@ class SpectralDepthEvaluation(CameraEvaluation):
         learned = [name for name in train if name != withheld]
         checked = [*validation] or [*rendered[:1], *([] if withheld is None else [withheld])]
         scenes = {"train": [*stage.repeat * learned, *rendered[1:]], "validation": checked, "prior": learned}
-        return {**scenes, **_how(reading)}
+        return {**scenes, **self.training_reading(reading)}
+
+    def training_reading(self, reading: Settings) -> Settings:
+        return {name: reading[name] for name in ("side", "placed", "from_rgb")}
 
     def middle(self, cell: Measurement, estimate: Estimate, scene: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
         size = _size(cell.reading["crop"])
@@ -354,10 +357,6 @@ class _Extent:
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.sizes = {"y": size[0], "x": size[1]}
-
-
-def _how(reading: Settings) -> Settings:
-    return {name: reading[name] for name in ("side", "placed", "from_rgb")}
 
 
 def _size(crop: Sequence[int]) -> tuple[int, int]:

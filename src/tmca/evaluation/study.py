@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from tmca.applications import application_of
 from tmca.cameras import CAMERAS, CodedCamera
 from tmca.codes import tile_of
-from tmca.data.scene_names import read_split
 from tmca.decoders import decoders
 from tmca.errors import SettingError, TmcaError, check_choice
 from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
@@ -211,11 +210,6 @@ def read_study(path: str | Path) -> Study:
 def _described(file: Path) -> Settings:
     """What a YAML file says."""
     return read_yaml(file, "a study: names and values, such as camera: spectral")
-
-
-def named(entries: Sequence[str]) -> list[str]:
-    """Scenes, the entries of split files in their places."""
-    return [name for entry in entries for name in (map(str, read_split(entry)) if entry.endswith(".txt") else (entry,))]
 
 
 def merged(*settings: Mapping[str, Any]) -> Settings:

@@ -12,11 +12,11 @@ from pydantic import Field, model_validator
 
 from tmca.cameras import LightFieldCamera
 from tmca.data.light_field_scenes import Reading, as_batch, check_asked, load_light_field
+from tmca.data.scene_names import named_scenes
 from tmca.errors import DataError, SettingError
 from tmca.specs.base import Whole
 from tmca.training.mask_training import MaskTraining, starting_arguments
 from tmca.training.patches import CubeStore, Load, PatchSource
-from tmca.training.scenes import named_scenes
 from tmca.training.settings import DataSettings, MaskCameraSettings, MaskTrainSettings
 
 if TYPE_CHECKING:
@@ -77,7 +77,8 @@ class LightFieldTraining(MaskTraining):
     kind, settings = "light-field", LightFieldTrainSettings
 
     def reader(self, settings: LightFieldTrainSettings) -> Load:
-        data, reading = settings.data, training_reading(settings)
+        data = settings.data
+        reading = Reading(data.scale, data.pattern, data.lens)
         names = named_scenes([*data.train, *data.validation, *data.prior])
         if names:
             check_asked(names, **vars(reading))
@@ -127,8 +128,3 @@ class LightFieldTraining(MaskTraining):
             return grid if len(grid) > 1 else grid[0]
 
         return light_field_figure({name: views(batch) for name, batch in batches.items()}, views(truth))
-
-
-def training_reading(settings: LightFieldTrainSettings) -> Reading:
-    """What the settings of a run ask of its files."""
-    return Reading(settings.data.scale, settings.data.pattern, settings.data.lens)

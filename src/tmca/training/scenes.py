@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tmca.data import read_split
+from tmca.data.scene_names import named_scenes
 from tmca.errors import SettingError
 from tmca.training.settings import DataSettings
 
@@ -60,14 +60,6 @@ def _check_apart(learned: Sequence[str], checked: Sequence[str]) -> None:
     both = sorted({place_of(name) for name in learned} & {place_of(name) for name in checked})
     if both:
         raise SettingError("data.validation", f"{both[0]}, a training scene", "other scenes")
-
-
-def named_scenes(entries: Sequence[str]) -> tuple[str, ...]:
-    """Scenes with the entries of split files (``.txt``) in their places."""
-    names: list[str] = []
-    for entry in entries:
-        names += [str(path) for path in read_split(entry)] if Path(entry).suffix == ".txt" else [entry]
-    return tuple(names)
 
 
 def place_of(name: str) -> str:

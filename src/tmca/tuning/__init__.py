@@ -2,7 +2,6 @@
 
 from tmca.tuning.folder import PairFiles, find_pairs, held_out
 from tmca.tuning.pairs import read_pair
-from tmca.tuning.pictures import decoded, tuning_pictures
-from tmca.tuning.run import FineTuning, prepared
+from tmca.tuning.run import FineTuning, decoded, prepared, tuning_pictures
 
 __all__ = ["FineTuning", "PairFiles", "decoded", "find_pairs", "held_out", "prepared", "read_pair", "tuning_pictures"]

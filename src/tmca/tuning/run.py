@@ -10,6 +10,9 @@ from pathlib import Path
 from shutil import rmtree
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tmca.data import atomic_path, checksum_of
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError
@@ -180,3 +183,22 @@ def _one_camera(weights: Weights, pairs: Mapping[str, PairFiles], calibration: C
     if first is None:
         raise SettingError("--captures", "none", "some")
     return first
+
+
+def tuning_pictures(prepared: FineTuning, folder: Path) -> list[Path]:
+    """Write ``before_after.png``, the first capture that was held out, decoded by the network as it was and as it is
+    through the same operator, and what every run has into a run's folder, in the place of earlier ones."""
+    from tmca.plots.style import save_figure
+    from tmca.reports.training import training_pictures
+
+    pair, camera = prepared.read(prepared.settings.data.validation[0]), prepared.camera.cpu()
+    tuned = Weights.load(folder)
+    networks, prior = {"before": prepared.weights.network, "fine-tuned": tuned.network}, tuned.load_prior()
+    estimates = {name: decoded(network, prior, pair, camera) for name, network in networks.items()}
+    figure = TRAININGS[camera.kind].figure(estimates, pair.truth, camera)
+    return [*training_pictures(folder), save_figure(figure, folder / "before_after.png", overwrite=True)]
+
+
+def decoded(network: Any, prior: Any, pair: Pair, camera: Any) -> NDArray[np.float32]:
+    """(B, L, H, W) estimate of a capture; its last channel is inverse depth where that of the truth is."""
+    return TRAININGS[camera.kind].decode(network, prior, pair.values, camera.replace(sensor=pair.sensor))
