@@ -16,28 +16,13 @@ from torch import Tensor
 from studies.grid import source
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path
-from tmca.decoders import Estimate, Weights, decode
+from tmca.decoders import Weights, decode
 from tmca.errors import SettingError, check_choice
 
 _METHODS = {"admm-tv": "admm-tv-joint", "pnp": "pnp-subspace", "network": "network"}
+"""Decoders of the report, and those of `tmca.decoders.decode`: total variation over all bands together, plug-and-play
+ADMM in the cube's own spectral subspace, a network."""
 REAL_DECODERS = tuple(_METHODS)
-
-
-def decode_real(snapshot: Snapshot[SpectralCamera], method: str, weights: Weights | None = None) -> Estimate:
-    """The scene of a real capture.
-
-    Args:
-        snapshot: with its camera.
-        method: ``"admm-tv"`` (total variation over all bands together), ``"pnp"`` (plug-and-play ADMM in the cube's own
-            spectral subspace), ``"network"``; for `tmca.decoders.decode` admm-tv-joint, pnp-subspace, network.
-        weights: of the network.
-
-    Raises:
-        SettingError: another method, or no weights for the network.
-    """
-    check_choice("decoder", method, REAL_DECODERS)
-    settings: dict[str, Any] = {"weights": weights} if method == "network" else {}
-    return decode(snapshot, _METHODS[method], **settings)
 
 
 def check_real_decoders(names: Sequence[str], weights: object) -> None:
@@ -69,7 +54,8 @@ def stored_estimate(
     if (stored := _stored(file)) is not None:
         return stored
     start = time.process_time()
-    estimate = decode_real(snapshot, decoder, weights).values.float()
+    settings: dict[str, Any] = {"weights": weights} if decoder == "network" else {}
+    estimate = decode(snapshot, _METHODS[decoder], **settings).values.float()
     seconds = time.process_time() - start
     with atomic_path(file, overwrite=True) as part:
         np.savez(part, estimate=estimate.numpy(), seconds=seconds)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from studies.real.decoding import check_real_decoders, decode_real, stored_estimate
+from studies.real.decoding import check_real_decoders, decode, stored_estimate
 from studies.real.figures import upright, upright_place
 from studies.real.geometry import light_by_offset, mask_evidence
 from studies.real.page import page
@@ -50,8 +50,6 @@ def test_decoders_are_known_and_a_network_has_weights():
         check_real_decoders(["magic"], None)
     with pytest.raises(SettingError, match="--weights: found none"):
         check_real_decoders(["network"], None)
-    with pytest.raises(SettingError, match="decoder"):
-        decode_real(taken()[0], "magic")
 
 
 def test_an_estimate_is_computed_once_for_the_same_input_alone(tmp_path, monkeypatch):
@@ -59,9 +57,9 @@ def test_an_estimate_is_computed_once_for_the_same_input_alone(tmp_path, monkeyp
 
     def counted(*given):
         asked.append(given)
-        return decode_real(*given)
+        return decode(*given)
 
-    monkeypatch.setattr("studies.real.decoding.decode_real", counted)
+    monkeypatch.setattr("studies.real.decoding.decode", counted)
     snapshot, _ = taken((12, 10))
     dimmer = Snapshot(0.5 * snapshot.values, snapshot.camera)
     first, seconds = stored_estimate(tmp_path, "scene", snapshot, "admm-tv")

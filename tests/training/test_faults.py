@@ -13,8 +13,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")
 
 
 def losses(folder):
-    rows = [line.split(",") for line in (folder / "log.csv").read_text().splitlines()]
-    return [float(row[rows[0].index("loss")]) for row in rows[1:]]
+    return tiny.logged(folder, "loss")
 
 
 def test_a_step_has_its_own_faults_within_their_ranges():
@@ -55,13 +54,8 @@ def test_codes_learn_behind_another_prism_and_a_relay_that_blurs(tmp_path, fault
 def test_a_stopped_run_meets_the_same_faults_again(tmp_path):
     faults = {"rolling": [0, 1], "leakage": [0, 0.1]}
     tiny.train(tmp_path / "whole", **{"optimiser.steps": 6}, faults=faults)
-
-    def stop(done, steps, said):
-        if done == 3:
-            raise RuntimeError("stopped")
-
-    with pytest.raises(RuntimeError, match="stopped"):
-        tiny.train(tmp_path / "parts", progress=stop, **{"optimiser.steps": 6}, faults=faults)
+    with pytest.raises(KeyboardInterrupt):
+        tiny.train(tmp_path / "parts", progress=tiny.stop_after(3), **{"optimiser.steps": 6}, faults=faults)
     tiny.train(tmp_path / "parts", **{"optimiser.steps": 6}, faults=faults)
     assert losses(tmp_path / "parts") == losses(tmp_path / "whole")
 

@@ -23,8 +23,7 @@ def starting_camera(**changes):
 
 def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
     found = tiny.train(tmp_path / "run", **{"optimiser.steps": 60, "optimiser.code_rate": 0.1, "validate_every": 10})
-    rows = [line.split(",") for line in (tmp_path / "run" / "log.csv").read_text().splitlines()]
-    psnr = [float(row[rows[0].index("psnr")]) for row in rows[1:]]
+    psnr = tiny.logged(tmp_path / "run", "psnr")
     assert max(psnr[-2:]) > psnr[0] + 0.3
     trained = Weights.load(found.weights)
     before = starting_camera().codes

@@ -8,10 +8,12 @@ import pytest
 import torch
 import xarray as xr
 
+from tests.training import tiny
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import label
 from tmca.decoders import Weights
+from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.errors import SettingError
@@ -20,7 +22,6 @@ from tmca.sensor import Sensor
 from tmca.training import train as train_camera
 from tmca.training import training_settings
 from tmca.training.depth_system import SURPRISE, DepthSystem
-from tmca.training.loop import Stopped
 from tmca.training.patches import CubeStore, Patch, PatchSource
 from tmca.training.spectral_depth import depth_channels
 from tmca.training.starting_masks import starting_camera
@@ -41,8 +42,12 @@ TINY = {
 CHOSEN_BY_CODES = ("camera.planes", "camera.period", "camera.channels", "camera.filters", "camera.shutter")
 
 
+def described(changes):
+    return training_settings("spectral-depth", None, None, changes)
+
+
 def settings(**changes):
-    return training_settings("spectral-depth", None, None, TINY | changes)
+    return described(TINY | changes)
 
 
 def load(name):
@@ -63,8 +68,7 @@ def train(folder, progress=None, **changes):
 
 def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
     found = train(tmp_path, **{"optimiser.steps": 60, "optimiser.decoder_rate": 0.01, "validate_every": 10})
-    rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()]
-    score = [float(row[rows[0].index("score")]) for row in rows[1:]]
+    score = tiny.logged(tmp_path, "score")
     assert max(score) > score[0] + 0.01
     assert found.best["score"] == pytest.approx(max(score), rel=1e-4)
     weights = Weights.load(found.weights)
@@ -86,12 +90,8 @@ def test_half_precision_is_for_the_layers_of_the_network_alone(tmp_path, learn):
 
 @pytest.mark.parametrize("learn", [("mask",), ("shutter",), ("mask", "shutter", "filters")])
 def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
-    changes = {
-        "camera.learn": list(learn),
-        "camera.filters": "gaussian",
-        "optimiser.code_rate": 2.0,
-        "optimiser.mask_rate": 0.005,
-    }
+    changes = {"camera.learn": list(learn), "camera.filters": "gaussian"}
+    changes |= {"optimiser.code_rate": 2.0, "optimiser.mask_rate": 0.005}
     found = train(tmp_path, **changes, **{"codes.frozen": 0.0, "codes.slope": [1.0, 2.0]})
     before, after = starting_camera(settings(**changes)), Weights.load(found.weights).camera
     moved = {
@@ -124,13 +124,8 @@ def test_a_run_that_is_stopped_ends_as_one_that_is_not(tmp_path, start):
     changes = {"decoder": {**TINY["decoder"], "start": start}, "camera.learn": ["mask"], "codes.frozen": 0.5}
     changes |= {"data.pool": 8}
     train(tmp_path / "whole", **changes)
-
-    def stop(done, *_):
-        if done == 4:
-            raise KeyboardInterrupt
-
-    with pytest.raises((KeyboardInterrupt, Stopped)):
-        train(tmp_path / "parts", progress=stop, **changes)
+    with pytest.raises(KeyboardInterrupt):
+        train(tmp_path / "parts", progress=tiny.stop_after(4), **changes)
     train(tmp_path / "parts", **changes)
     one, other = (Weights.load(tmp_path / name) for name in ("whole", "parts"))
     for name, value in one.network.state_dict().items():
@@ -169,10 +164,7 @@ def test_channels_are_the_cube_and_the_share_of_the_range():
     np.testing.assert_array_equal(channels[:-1], scene["radiance"].values)
 
 
-def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
-
-    from tmca.decoders.nets.build import build_depth_network
-
+def test_unknown_depth_has_no_part_in_the_loss():
     camera = starting_camera(settings())
     network = build_depth_network(TINY["decoder"], camera)
     system = DepthSystem(camera, network, [camera.sensor], None, [], depth_weight=1.0)
@@ -185,10 +177,7 @@ def test_unknown_depth_has_no_part_in_the_loss(tmp_path):
     assert float(loss) == pytest.approx(float((1 - known + SURPRISE * surprise).mean()), rel=1e-5)
 
 
-def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
-
-    from tmca.decoders.nets.build import build_depth_network
-
+def test_a_patch_is_lit_by_its_margin_which_is_not_learned():
     seen, camera = [], starting_camera(settings(**{"data.margin": None}))
     assert camera.size == (24 + 2 * 6, 24 + 2 * 6)  # half of 11 pixels, in whole tiles of 2
     network = build_depth_network(TINY["decoder"], camera)
@@ -197,16 +186,9 @@ def test_a_patch_is_lit_by_its_margin_which_is_not_learned(tmp_path):
     system = DepthSystem(camera, network, [Sensor()], None, [], margin=6, depth_weight=1.0)
     scene = torch.from_numpy(depth_channels(load("first"), camera)[:, 4:40, 8:44])
     wide = SpectralDepthCamera.from_preset(
-        "quick",
-        size=(60, 64),
-        slots=2,
-        bench=camera.bench,
-        planes=3,
-        period=2,
-        channels="monochrome",
-        filters="clear",
-        shutter="one-hot",
-    )
+        "quick", size=(60, 64), slots=2, bench=camera.bench, planes=3, period=2, channels="monochrome",
+        filters="clear", shutter="one-hot",
+    )  # fmt: skip
     whole = torch.from_numpy(depth_channels(load("first"), camera))[None]
     metres = 1 / (1 / wide.planes.far + whole[:, -1:] * (1 / wide.planes.near - 1 / wide.planes.far))
     with torch.no_grad():
@@ -231,19 +213,19 @@ def test_codes_bring_the_camera_they_were_made_for(tmp_path):
     file = write_phase_codes(made, tmp_path / "codes.nc", "gaussian", "monochrome")
     own = {"codes.start": str(file), "camera.bench": {}, "data.margin": None}
     free = {name: value for name, value in (TINY | own).items() if name not in CHOSEN_BY_CODES}
-    camera = starting_camera(training_settings("spectral-depth", None, None, free))
+    camera = starting_camera(described(free))
     assert (camera.planes, camera.bench) == (made.planes, made.bench)
     assert camera.point_spread.heights.stroke == Stroke(-2e-7, 3e-7, 9)
     assert (camera.point_spread.energy, len(camera.filters.filters)) == ("aperture", len(made.filters.filters))
     torch.testing.assert_close(camera.codes()[0], made.codes()[0])
     torch.testing.assert_close(camera.tile()[1], made.tile()[1])
     with pytest.raises(SettingError, match=r"camera\.planes: found 3, expected 4, as in .*codes\.nc"):
-        starting_camera(training_settings("spectral-depth", None, None, free | {"camera.planes": 3}))
+        starting_camera(described(free | {"camera.planes": 3}))
     for name, value in {"rms": 3e-7, "shutter": "open", "filters": "clear", "channels": "rgb", "mask": "flat"}.items():
         with pytest.raises(SettingError, match=rf"camera\.{name}: found {value}"):
-            starting_camera(training_settings("spectral-depth", None, None, free | {f"camera.{name}": value}))
+            starting_camera(described(free | {f"camera.{name}": value}))
     with pytest.raises(SettingError, match=r"camera\.bench.*brings its own"):
-        training_settings("spectral-depth", None, None, free | {"camera.bench": {"pitch": 5e-6}})
+        described(free | {"camera.bench": {"pitch": 5e-6}})
 
 
 @pytest.mark.filterwarnings("ignore::tmca.optics.Undersampled")
@@ -258,22 +240,20 @@ def test_masks_go_on_in_their_family(tmp_path, family, kept):
     asked = ("camera.bench", *CHOSEN_BY_CODES[:3])
     own = {name: value for name, value in (TINY | first).items() if name not in asked}
     going = own | {"codes.start": str(before), "camera.learn": ["mask"], "codes.frozen": 0.0}
-    found = starting_camera(training_settings("spectral-depth", None, None, going)).point_spread.heights
+    found = starting_camera(described(going)).point_spread.heights
     assert isinstance(found, kept)
     assert found.stroke == Stroke(-3e-7, 3e-7)
     torch.testing.assert_close(found().detach(), maps().expand(2, -1, -1))
-    run = train_camera(training_settings("spectral-depth", None, None, going), tmp_path / "learned", load)
+    run = train_camera(described(going), tmp_path / "learned", load)
     learned = Weights.load(run.weights).camera.point_spread.heights
     assert isinstance(learned, kept)
     assert float((learned() - found()).detach().abs().max()) > 1e-9
     going |= {"camera.mask": "free-form"}
-    free = starting_camera(training_settings("spectral-depth", None, None, going)).point_spread.heights
+    free = starting_camera(described(going)).point_spread.heights
     torch.testing.assert_close(free().detach(), found().detach())
     assert free.heights.requires_grad
     with pytest.raises(SettingError, match=r"camera\.filters: found rgbw"):
-        starting_camera(
-            training_settings("spectral-depth", None, None, going | {"camera.filters": "rgbw", "camera.slots": 1})
-        )
+        starting_camera(described(going | {"camera.filters": "rgbw", "camera.slots": 1}))
 
 
 @pytest.mark.parametrize(

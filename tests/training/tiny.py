@@ -52,6 +52,22 @@ def train(folder, progress=None, load=load, **changes):
     )  # fmt: skip
 
 
+def logged(folder, name):
+    """A column of a run's log."""
+    rows = [line.split(",") for line in (Path(folder) / "log.csv").read_text().splitlines()]
+    return [float(row[rows[0].index(name)]) for row in rows[1:]]
+
+
+def stop_after(step, error=KeyboardInterrupt):
+    """Progress that ends a run after a step."""
+
+    def stop(done, *_):
+        if done == step:
+            raise error("stopped")
+
+    return stop
+
+
 if __name__ == "__main__":
     torch.set_num_threads(1)
     told = lambda done, steps, said: print(done, flush=True)  # noqa: E731
