@@ -18,11 +18,11 @@ from tmca.applications.spectral_depth import reading_range
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
+from tmca.data.scene_names import named_scenes
 from tmca.decoders import PatchLikelihood
 from tmca.decoders.likelihood import DepthPosterior
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
-from tmca.training.scenes import named_scenes
 
 SIZE = (96, 128)
 TEMPERATURES = (1.0, 4.0, 8.0, 12.0, 16.0, 24.0)
