@@ -26,6 +26,7 @@ from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.decoders.nets.weights_0_1 import of_version_0_1
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
+from tmca.optics import DepthPlanes
 from tmca.priors import block_of, find_prior
 from tmca.stored_numbers import check_finite
 
@@ -50,6 +51,10 @@ _NO_MATTER = {"sensor", "full_scale", "period", "tmca_version"}
 
 class OtherCodes(UserWarning):
     """A network that does not see the codes, behind other codes than it was trained for."""
+
+
+class _Planes(Attributes):
+    depth: Json[DepthPlanes]
 
 
 @dataclass
@@ -87,6 +92,16 @@ class Weights:
         return {name: torch.from_numpy(self.variables[name].values.astype(np.float32)) for name in shown}
 
     @property
+    def aperture(self) -> Tensor:
+        """(K, h, w) of a collapsed camera."""
+        return self.codes["aperture"]
+
+    @property
+    def shutter(self) -> Tensor:
+        """(K, h, w')."""
+        return self.codes["shutter"]
+
+    @property
     def slots(self) -> int:
         """K."""
         return len(next(iter(self.codes.values())))
@@ -106,6 +121,15 @@ class Weights:
     def wavelengths(self) -> tuple[float, ...]:
         """Of the bands, metres; none for views."""
         return tuple(self.variables["wavelength"].values.tolist()) if "wavelength" in self.variables else ()
+
+    @property
+    def planes(self) -> DepthPlanes:
+        """Depth planes of a spectral-depth camera.
+
+        Raises:
+            DataError: none are described.
+        """
+        return attributes_of(_Planes, self.variables.attrs, self.path or "weights").depth
 
     @property
     def camera(self) -> Any:
