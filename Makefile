@@ -38,6 +38,7 @@ benchmarks: .venv/installed
 	.venv/bin/python benchmarks/spectral_depth.py
 	.venv/bin/python benchmarks/realtime.py
 	.venv/bin/python benchmarks/training.py
+	.venv/bin/python benchmarks/viewer.py
 
 # The documentation site in site/, without network; fails at a broken link.
 docs: .venv/installed

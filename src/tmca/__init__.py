@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tmca.reports import design_codes
     from tmca.sensor import Sensor
     from tmca.training.face import train
+    from tmca.viewer import view
 
 __version__ = "0.1.0"
 
@@ -39,6 +40,7 @@ _FACE = {
     "evaluate": "applications:evaluate",
     "design_codes": "reports:design_codes",
     "train": "training.face:train",
+    "view": "viewer:view",
     "SpectralCamera": "cameras:SpectralCamera",
     "LightFieldCamera": "cameras:LightFieldCamera",
     "SpectralDepthCamera": "cameras:SpectralDepthCamera",
@@ -68,6 +70,7 @@ _ROOMS = (
     "specs",
     "training",
     "tuning",
+    "viewer",
 )
 
 __all__ = [
@@ -85,6 +88,7 @@ __all__ = [
     "reconstruct",
     "simulate",
     "train",
+    "view",
 ]
 
 

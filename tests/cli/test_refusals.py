@@ -29,6 +29,9 @@ REFUSED = {
         "recnstruct x.nc": ("recnstruct", "reconstruct"),
         "reconstruct nothing.nc": "nothing.nc",
         "inspect nothing.nc": "nothing.nc",
+        "view nothing.nc": "nothing.nc",
+        "view": ("view: found nothing", "name one"),
+        "view coffee --port 70000": ("--port: found 70000", "0 to 65535"),
         "simulate spectral coffee --crop 64": ("64", "HEIGHTxWIDTH"),
         "simulate spectral coffee --crop 6400x64": ("6400×64", "400×600", "coffee"),
         "simulate spectral-depth chelsea --reduce 8 --crop 16x33":

@@ -12,6 +12,7 @@ COMMANDS = {
     "demo": ("demo:demo", "Rendered scenes through a static and a time-multiplexed camera and back, with a report."),
     "render": ("render:render", "Write a rendered scene with its depth, or a light field, to a file."),
     "inspect": ("inspect:inspect", "Say what a file holds: cube, light field, capture, codes, prior."),
+    "view": ("view:view", "Look at files in a browser: bands, spectra, errors, codes, views, depth."),
     "import": ("lab.import_capture:app", "Make a snapshot file of a real capture, with its mask, levels and noise."),
     "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
     "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),

@@ -133,6 +133,12 @@ class Estimate:
         limits = None if self.depth is None else (self.camera.planes.near, self.camera.planes.far)
         return estimate_figure(self.to_xarray(), truth, limits)
 
+    def view(self, truth: Any = None, **how: Any) -> Any:
+        """Look at the estimate in a browser; arguments, result and errors as of `tmca.view`."""
+        import tmca
+
+        return tmca.view(self, truth=truth, **how)
+
     def __repr__(self) -> str:
         sides = "×".join(str(side) for side in self.values.shape)
         more = [name for name in ("deviation", "depth", "confidence", "planes") if getattr(self, name) is not None]

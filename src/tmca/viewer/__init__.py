@@ -1,0 +1,5 @@
+"""A page in the browser to look at data: cubes, snapshots, codes, light fields, depth; local, and read-only."""
+
+from tmca.viewer.viewing import Viewer, view
+
+__all__ = ["Viewer", "view"]

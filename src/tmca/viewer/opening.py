@@ -1,0 +1,102 @@
+"""From files, folders, names of rendered scenes and things in memory to items."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tmca.arguments import described
+from tmca.data import Contents, from_array
+from tmca.data.formats.opening import open_contents
+from tmca.data.rendering import is_rendered
+from tmca.errors import DataError, SettingError
+from tmca.viewer.cubes import cube_item
+from tmca.viewer.items import Item
+
+
+def open_items(thing: Any, stack: ExitStack, variable: str | None = None, role: str = "") -> list[Item]:
+    """What is shown of a file, a folder, a rendered scene's name, labelled data, or an estimate or snapshot.
+
+    Args:
+        thing: to be shown.
+        stack: closes its file.
+        variable: which array, where the file has several.
+        role: ``truth`` where it is one.
+
+    Raises:
+        DataError: nothing that can be shown, or a damaged or unknown file.
+        SettingError: something else.
+    """
+    if isinstance(thing, str | Path):
+        return _from_path(thing, stack, variable, role)
+    return in_memory_items(thing.to_xarray() if hasattr(thing, "to_xarray") else thing, "", role, variable)
+
+
+def in_memory_items(thing: Any, title: str = "", role: str = "", variable: str | None = None) -> list[Item]:
+    """What is shown of labelled data; errors as of `open_items`."""
+    contents = memory_contents(thing, title)
+    return _items(contents, contents.path.name, variable, {"role": role})
+
+
+def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: str) -> list[Item]:
+    if is_rendered(str(path)):
+        from tmca.data import read_scene
+
+        return in_memory_items(read_scene(str(path), bands=None), str(path), role, variable)
+    contents = stack.enter_context(open_contents(path))
+    return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
+
+
+def _items(contents: Contents, title: str, variable: str | None, about: dict[str, Any]) -> list[Item]:
+    """The items of an open file, by what it holds."""
+    return [cube_item(contents, title, variable, **about)]
+
+
+def memory_contents(thing: Any, name: str = "") -> Contents:
+    """Labelled data as if they were in a file.
+
+    Raises:
+        SettingError: something without labelled axes.
+    """
+    import xarray
+
+    if isinstance(thing, xarray.DataArray):
+        thing = thing.to_dataset(name=thing.name or "cube").assign_attrs(thing.attrs)
+    if not isinstance(thing, xarray.Dataset):
+        expected = "a file's path, labelled data (xarray), an Estimate or a Snapshot"
+        raise SettingError("view", described(thing), expected, "label it with tmca.data.label")
+    arrays = {}
+    for key, array in thing.data_vars.items():
+        waves = array.coords.get("wavelength")
+        metres = None if waves is None or waves.ndim != 1 else np.asarray(waves.values, np.float64)
+        dims = tuple(map(str, array.dims))
+        coords = {dim: array.indexes[dim].to_numpy() for dim in dims if dim in array.indexes}
+        about = {"dims": dims, "coords": coords, "wavelengths": metres, "usual_axis": 0, "full_scale": 1.0}
+        arrays[str(key)] = from_array(str(key), array.values, attrs=dict(array.attrs), **about)
+    title = name or str(thing.attrs.get("decoder") or thing.attrs.get("name") or "scene")
+    return Contents(Path(title), "in memory", arrays, dict(thing.attrs), labelled=True)
+
+
+def unchanged(path: Path) -> Callable[[], None]:
+    """A check that a file is there, and as large and old as when it was opened."""
+
+    def stamp() -> tuple[int, int] | None:
+        try:
+            about = path.stat()
+        except OSError:
+            return None
+        return about.st_size, about.st_mtime_ns
+
+    first = stamp()
+
+    def check() -> None:
+        now = stamp()
+        if now != first:
+            found = "it is gone" if now is None else "it was written again since it was opened"
+            raise DataError(path, found, "the file that was opened", "start the viewer again")
+
+    return check

@@ -1,0 +1,45 @@
+"""The page: HTML, styles and one script, put together from the files beside this one."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+
+SCRIPTS = ("numbers", "colours", "planes", "painter", "plot", "hash", "panel", "tools", "desk", "stack", "app")
+"""Files of the script, each after those that it uses."""
+_IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
+_EXPORT = re.compile(r"^export (?=(async |const |let |function |class ))", re.MULTILINE)
+
+
+def script() -> str:
+    """The page's script as one module, which imports nothing."""
+    parts = (_text(f"{name}.js") for name in SCRIPTS)
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", part)) for part in parts)
+
+
+def whole_page(nonce: str = "", embedded: str = "null") -> str:
+    """HTML with everything in it.
+
+    Args:
+        nonce: of the policy that lets this script run and no other.
+        embedded: JSON of what is shown, for a page without a server.
+    """
+    parts = {"style": _text("style.css"), "script": script(), "nonce": nonce, "embedded": _in_html(embedded)}
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("page.html"))
+
+
+def policy(nonce: str) -> str:
+    """The page's content security policy: its own script, its own data, nothing from elsewhere."""
+    return (
+        f"default-src 'none'; script-src 'nonce-{nonce}'; style-src 'unsafe-inline'; connect-src 'self'; "
+        "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'"
+    )
+
+
+def _in_html(text: str) -> str:
+    """JSON that cannot end the element that it stands in."""
+    return text.replace("<", "\\u003c")
+
+
+def _text(name: str) -> str:
+    return files(__name__).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,135 @@
+// The page: what is shown is asked for, grouped by kind, and drawn once a frame where something changed.
+import { readHash, writeHash } from "./hash.js";
+import { element } from "./numbers.js";
+import { Painter } from "./painter.js";
+import { Embedded, Planes, Served } from "./planes.js";
+import { Stack } from "./stack.js";
+import { saveStage } from "./tools.js";
+
+const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], array: ["Array", Stack] };
+const HELP = [
+  ["move over a picture", "curve and values at the cursor"],
+  ["click", "keep the curve of a pixel"],
+  ["Shift + drag", "mean curve of a region, ± its spread"],
+  ["wheel, + and −", "zoom; drag moves, double click shows all"],
+  ["Tab, arrows, Enter", "choose a picture, move its cursor (Shift: by 10), keep the curve"],
+  [", and .", "plane before and after; Page up and down by 10; space runs"],
+  ["C, B", "colours, one band"],
+  ["D, E", "difference, error map"],
+  ["1 … 9", "page"],
+  ["L, S", "copy a link that keeps this view, save the pictures"],
+  ["?", "this help"],
+];
+
+class App {
+  constructor(root) {
+    const find = (name) => root.getElementById(name);
+    Object.assign(this, { root, stage: find("stage"), panelsRoot: find("panels"), side: find("side"), sliders: find("sliders"), tabs: find("tabs"), message: find("message"), help: find("help") });
+    const embedded = JSON.parse(find("embedded").textContent);
+    this.source = embedded ? new Embedded(embedded) : new Served(new URLSearchParams(location.search).get("token") ?? "");
+    this.planes = new Planes(this.source, () => this.redraw(), (error) => this.say(error.message, true));
+    this.frames = 0;
+  }
+
+  async begin() {
+    this.painter = new Painter(this.root.getElementById("paint"));
+    this.painter.restored = () => this.redraw();
+    const { items } = await this.source.about();
+    items.forEach((item, number) => (item.number = number));
+    document.title = `${[...new Set(items.map((item) => item.title))].join(", ")} – tmca view`;
+    const kinds = [...new Set(items.map((item) => item.kind))];
+    this.desks = kinds.map((kind) => new KINDS[kind][1](this, items.filter((item) => item.kind === kind)));
+    this.tabs.replaceChildren(...kinds.map((kind, at) => {
+      const count = this.desks[at].items.length;
+      const tab = element("button", { textContent: count > 1 ? `${KINDS[kind][0]}s (${count})` : KINDS[kind][0], onclick: () => this.choose(at) });
+      tab.setAttribute("role", "tab");
+      return tab;
+    }));
+    this.#listen();
+    this.choose(0, readHash());
+  }
+
+  choose(number, given = null) {
+    const at = given?.page ? Math.min(Math.max(Number(given.page) - 1 || 0, 0), this.desks.length - 1) : number;
+    this.desk?.end?.();
+    this.desk = this.desks[at];
+    [...this.tabs.children].forEach((tab, place) => tab.setAttribute("aria-selected", place === at));
+    this.side.replaceChildren(...this.desk.sideParts);
+    this.sliders.replaceChildren(...this.desk.sliderParts);
+    this.sliders.hidden = this.desk.sliderParts.every((part) => part.hidden);
+    if (given) this.desk.restore(given);
+    this.desk.arranged = null;
+    this.desk.begin?.();
+    this.redraw();
+  }
+
+  redraw() {
+    if (this.waiting || !this.desk) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.desk.draw();
+      this.frames++;
+    });
+  }
+
+  saveState() {
+    if (!this.desk) return;
+    const page = this.desks.length > 1 ? this.desks.indexOf(this.desk) + 1 : null;
+    writeHash({ page, ...this.desk.state() });
+  }
+
+  say(text, wrong = false) {
+    this.message.textContent = text;
+    this.message.className = wrong ? "shown wrong" : "shown";
+    clearTimeout(this.saying);
+    this.saying = setTimeout(() => (this.message.className = ""), wrong ? 8000 : 2500);
+  }
+
+  async copyLink() {
+    this.saveState();
+    const copied = await navigator.clipboard?.writeText(location.href).then(() => true, () => false);
+    this.say(copied ? "The link is copied: it keeps this view." : "The address of this page keeps this view: copy it from there.");
+  }
+
+  savePictures() {
+    this.desk.draw();
+    saveStage(this.root.getElementById("paint"), this.desk.arrange(), `${this.desk.items[0].title}.png`);
+  }
+
+  #listen() {
+    const on = (name, action) => this.root.getElementById(name).addEventListener("click", action);
+    on("link", () => this.copyLink());
+    on("png", () => this.savePictures());
+    on("csv", () => this.desk.saveTable());
+    on("ask", () => this.showHelp());
+    new ResizeObserver(() => ((this.desk.arranged = null), this.redraw())).observe(this.stage);
+    window.addEventListener("keydown", (event) => this.#key(event));
+    window.addEventListener("hashchange", () => (this.choose(this.desks.indexOf(this.desk), readHash())));
+  }
+
+  #key(event) {
+    const typing = event.target.matches?.("input[type=number], select");
+    if (typing || event.ctrlKey || event.metaKey || event.altKey || this.help.open) return;
+    if (event.key === " " && event.target.matches?.("button")) return;
+    const number = Number(event.key);
+    if (event.key === "?") this.showHelp();
+    else if (event.key === "l") this.copyLink();
+    else if (event.key === "s") this.savePictures();
+    else if (number >= 1 && number <= this.desks.length) this.choose(number - 1);
+    else if (!this.desk.key(event)) return;
+    event.preventDefault();
+  }
+
+  showHelp() {
+    const close = element("button", { textContent: "Close", onclick: () => this.help.close() });
+    const rows = HELP.flatMap(([keys, text]) => [element("dt", {}, keys), element("dd", {}, text)]);
+    const about = "Your files are read on this machine alone and never written. All pictures of a page share zoom and cursor.";
+    this.help.replaceChildren(element("h2", {}, "How to look around"), element("dl", {}, ...rows), element("p", { className: "hint" }, about), close);
+    this.help.showModal();
+  }
+}
+
+const app = new App(document);
+window.tmca = app;
+app.begin().catch((error) => app.say(error.message, true));
