@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from tmca.arguments import described
+from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array
 from tmca.data.formats.opening import open_contents
 from tmca.data.rendering import is_rendered
 from tmca.errors import DataError, SettingError
+from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.cubes import cube_item
 from tmca.viewer.items import Item
+from tmca.viewer.snapshots import export_item, snapshot_items
 
 
 def open_items(thing: Any, stack: ExitStack, variable: str | None = None, role: str = "") -> list[Item]:
@@ -33,6 +36,8 @@ def open_items(thing: Any, stack: ExitStack, variable: str | None = None, role: 
     """
     if isinstance(thing, str | Path):
         return _from_path(thing, stack, variable, role)
+    if isinstance(thing, Snapshot):
+        return snapshot_items(thing, str(thing.notes.get("scene") or "snapshot"), role=role)
     return in_memory_items(thing.to_xarray() if hasattr(thing, "to_xarray") else thing, "", role, variable)
 
 
@@ -47,13 +52,21 @@ def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: s
         from tmca.data import read_scene
 
         return in_memory_items(read_scene(str(path), bands=None), str(path), role, variable)
+    if (Path(path) / MANIFEST).is_file():
+        return [export_item(Path(path), role=role)]
     contents = stack.enter_context(open_contents(path))
     return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
 
 
 def _items(contents: Contents, title: str, variable: str | None, about: dict[str, Any]) -> list[Item]:
     """The items of an open file, by what it holds."""
+    if holds_snapshot({*contents.arrays, *_coordinates(contents)}) and variable is None:
+        return snapshot_items(Snapshot.load(contents.path), title, **about)
     return [cube_item(contents, title, variable, **about)]
+
+
+def _coordinates(contents: Contents) -> set[str]:
+    return {name for stored in contents.arrays.values() for name in stored.coords}
 
 
 def memory_contents(thing: Any, name: str = "") -> Contents:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-SCRIPTS = ("numbers", "colours", "planes", "painter", "plot", "hash", "panel", "tools", "desk", "stack", "app")
+SCRIPTS = ("numbers", "colours", "planes", "painter", "plot", "hash", "panel", "tools", "desk", "stack", "codes", "app")
 """Files of the script, each after those that it uses."""
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |const |let |function |class ))", re.MULTILINE)

@@ -3,10 +3,11 @@ import { readHash, writeHash } from "./hash.js";
 import { element } from "./numbers.js";
 import { Painter } from "./painter.js";
 import { Embedded, Planes, Served } from "./planes.js";
+import { Codes } from "./codes.js";
 import { Stack } from "./stack.js";
 import { saveStage } from "./tools.js";
 
-const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], array: ["Array", Stack] };
+const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], array: ["Array", Stack] };
 const HELP = [
   ["move over a picture", "curve and values at the cursor"],
   ["click", "keep the curve of a pixel"],
@@ -41,7 +42,7 @@ class App {
     this.desks = kinds.map((kind) => new KINDS[kind][1](this, items.filter((item) => item.kind === kind)));
     this.tabs.replaceChildren(...kinds.map((kind, at) => {
       const count = this.desks[at].items.length;
-      const tab = element("button", { textContent: count > 1 ? `${KINDS[kind][0]}s (${count})` : KINDS[kind][0], onclick: () => this.choose(at) });
+      const tab = element("button", { textContent: count > 1 ? `${KINDS[kind][0]}${kind === "codes" ? "" : "s"} (${count})` : KINDS[kind][0], onclick: () => this.choose(at) });
       tab.setAttribute("role", "tab");
       return tab;
     }));

@@ -32,7 +32,7 @@ export class Plot {
     canvas.addEventListener("pointermove", (event) => event.buttons && pick(event));
   }
 
-  draw({ lines, xlabel, ylabel, mark = null, span = null, height = 232 }) {
+  draw({ lines, xlabel, ylabel, mark = null, span = null, whole = false, height = 232 }) {
     const width = this.canvas.clientWidth || 320;
     const context = fitted(this.canvas, width, height);
     const left = 52, top = 8, right = width - 10, bottom = height - 36;
@@ -41,7 +41,7 @@ export class Plot {
     this.frame = { left, width: right - left, low, high };
     const across = (x) => left + ((x - low) / (high - low)) * (right - left);
     const up = (y) => bottom - ((y - floor) / (ceiling - floor)) * (bottom - top);
-    axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel });
+    axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel, whole });
     context.save();
     context.beginPath();
     context.rect(left, top - 1, right - left, bottom - top + 2);
@@ -66,7 +66,7 @@ function widened([low, high], share) {
   return [low >= 0 && share && low < 0.3 * high ? 0 : low - more, high + more];
 }
 
-function axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel }) {
+function axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel, whole }) {
   context.fillStyle = QUIET;
   context.textBaseline = "middle";
   context.textAlign = "right";
@@ -76,6 +76,7 @@ function axes(context, { left, top, right, bottom, low, high, floor, ceiling, ac
   }
   context.textAlign = "center";
   for (const x of ticks(low, high, 6)) {
+    if (whole && x % 1) continue;
     stroke(context, [[across(x), bottom], [across(x), bottom + 4]], QUIET, [], 1);
     context.fillText(shown(x), clamp(across(x), left, right - 8), bottom + 12);
   }

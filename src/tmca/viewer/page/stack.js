@@ -40,7 +40,8 @@ export class Stack extends Desk {
     this.slider = new Slider({ label: axis.label || "plane", values: axis.values, unit: axis.unit, names: axis.names ?? [], index: this.index, light: axis.unit === "nm", modes: [...this.modes, this.play], moved: (index) => this.move(index) });
     this.slider.root.hidden = axis.values.length < 2;
     const heading = axis.label === "wavelength" ? "Spectrum" : `Over ${axis.label || "planes"}`;
-    const curve = axis.values.length > 1 ? [this.plotGroup(heading, (x) => this.move(nearest(axis.values, x)))] : [this.placesGroup()];
+    const curved = axis.values.length > 1 && !axis.names?.length;
+    const curve = curved ? [this.plotGroup(heading, (x) => this.move(nearest(axis.values, x)))] : [this.placesGroup()];
     this.sideParts = [...curve, this.looks.root, ...this.compareGroup(), this.factsGroup()];
     this.sliderParts = [this.slider.root];
     this.showColour(this.coloured);
@@ -142,8 +143,8 @@ export class Stack extends Desk {
     return { key: `${item.number}/main`, title: item.title, note, size: colour.size, item, layer: colour, index: 0, details: this.detailsOf(`${item.number}/main`, colour, 0), paint: { plane, picture: true, map: "grey" }, bar: null };
   }
 
-  one(item, layer, title) {
-    const index = this.indexOf(item), key = `${item.number}/${layer.name === "deviation" ? "deviation" : "main"}`;
+  one(item, layer, title, index = this.indexOf(item)) {
+    const key = `${item.number}/${layer.name === "deviation" ? "deviation" : "main"}`;
     const plane = this.plane(key + layer.name, item, layer, index);
     const look = this.lookOf(layer.name, layer.label, USUAL[layer.colours] ?? "grey", layer.span);
     const paint = { plane, map: look.map, span: look.span, power: look.power };
@@ -276,7 +277,7 @@ export class Stack extends Desk {
     this.lines = lines;
     const { axis } = this, layer = this.main(this.items[0]);
     const xlabel = axis.unit ? `${axis.label} (${axis.unit})` : axis.label;
-    this.plot.draw({ lines, xlabel, ylabel: layer.unit ? `${layer.label} (${layer.unit})` : layer.label, mark: axis.values[this.index], span: lines.length ? null : layer.span });
+    this.plot.draw({ lines, xlabel, ylabel: layer.unit ? `${layer.label} (${layer.unit})` : layer.label, mark: axis.values[this.index], whole: Boolean(layer.steps), span: lines.length ? null : layer.span });
     this.plotHint.replaceChildren(...this.legend(lines));
   }
 

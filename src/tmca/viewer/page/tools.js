@@ -60,7 +60,7 @@ export function saveStage(paint, panels, name) {
 // A slider over the planes of an axis, with its positions below it.
 export class Slider {
   constructor({ label, values, unit, names = [], index, moved, light = false, modes = [] }) {
-    Object.assign(this, { values, unit, names, light, index });
+    Object.assign(this, { label, values, unit, names, light, index, whole: values.every(Number.isInteger) });
     this.input = element("input", { type: "range", min: 0, max: values.length - 1, step: 1, value: index, oninput: () => (this.set(Number(this.input.value)), moved(this.index)) });
     this.input.setAttribute("aria-label", label);
     this.output = element("output");
@@ -75,7 +75,7 @@ export class Slider {
     this.input.value = this.index;
     const unit = this.unit ? ` ${this.unit}` : "", count = `${this.index + 1} of ${this.values.length}`;
     const text = this.names[this.index] || `${shown(this.values[this.index], 5)}${unit}`;
-    this.output.textContent = this.names.length ? text : `${text} · ${count}`;
+    this.output.textContent = this.names.length ? text : this.unit ? `${text} · ${count}` : `${this.label} ${count}`;
     this.input.setAttribute("aria-valuetext", `${text}, ${count}`);
   }
 
@@ -96,6 +96,7 @@ export class Slider {
     context.textBaseline = "bottom";
     if (this.names.length) return;
     for (const value of ticks(this.values[0], this.values[count - 1], Math.min(10, width / 90))) {
+      if (this.whole && value % 1) continue;
       const left = this.values.findLastIndex((one) => one <= value), next = Math.min(left + 1, count - 1);
       const share = next > left ? (value - this.values[left]) / (this.values[next] - this.values[left]) : 0;
       context.fillText(shown(value), clamp(at(left + share), 12, width - 12), 16);
