@@ -130,6 +130,7 @@ class Item:
         layers: the first is shown first.
         facts: what else there is to say, by name.
         role: ``truth`` where it is one.
+        view: further facts for the page.
         check: raises a DataError where the file is not what it was when it was opened.
         lock: held while something is read.
     """
@@ -139,6 +140,7 @@ class Item:
     layers: tuple[Layer, ...]
     facts: Mapping[str, Any] = field(default_factory=dict)
     role: str = ""
+    view: Mapping[str, Any] = field(default_factory=dict)
     check: Callable[[], None] = lambda: None
     lock: Any = field(default_factory=RLock)
     number: int = field(default_factory=lambda: next(_numbers))
@@ -152,6 +154,7 @@ class Item:
         with self.lock:
             layers = [layer.about(thinning(layer.size, most)) for layer in self.layers]
         about = {"kind": self.kind, "title": self.title, "facts": self.facts, "role": self.role, "layers": layers}
+        about |= self.view
         return dict(plain(about))
 
 

@@ -13,11 +13,13 @@ from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array
 from tmca.data.formats.opening import open_contents
+from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.cubes import cube_item
 from tmca.viewer.items import Item
+from tmca.viewer.light_fields import light_field_item
 from tmca.viewer.snapshots import export_item, snapshot_items
 
 
@@ -62,6 +64,9 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
     """The items of an open file, by what it holds."""
     if holds_snapshot({*contents.arrays, *_coordinates(contents)}) and variable is None:
         return snapshot_items(Snapshot.load(contents.path), title, **about)
+    views = find_light_field(contents, variable)
+    if views is not None:
+        return [light_field_item(contents, views, title, **about)]
     return [cube_item(contents, title, variable, **about)]
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-SCRIPTS = ("numbers", "colours", "planes", "painter", "plot", "hash", "panel", "tools", "desk", "stack", "codes", "app")
+SCRIPTS = (
+    *("numbers", "colours", "planes", "programs", "refocusing", "painter", "plot", "hash", "panel", "tools", "desk"),
+    *("stack", "codes", "lightfield", "app"),
+)
 """Files of the script, each after those that it uses."""
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |const |let |function |class ))", re.MULTILINE)

@@ -1,13 +1,14 @@
 // The page: what is shown is asked for, grouped by kind, and drawn once a frame where something changed.
 import { readHash, writeHash } from "./hash.js";
 import { element } from "./numbers.js";
+import { LightField } from "./lightfield.js";
 import { Painter } from "./painter.js";
 import { Embedded, Planes, Served } from "./planes.js";
 import { Codes } from "./codes.js";
 import { Stack } from "./stack.js";
 import { saveStage } from "./tools.js";
 
-const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], array: ["Array", Stack] };
+const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], array: ["Array", Stack] };
 const HELP = [
   ["move over a picture", "curve and values at the cursor"],
   ["click", "keep the curve of a pixel"],

@@ -1,5 +1,7 @@
 // Planes through colour maps into rectangles of one canvas, by WebGL.
 import { table } from "./colours.js";
+import { program } from "./programs.js";
+import { Refocusing } from "./refocusing.js";
 
 const CORNERS = `#version 300 es
 precision highp float;
@@ -39,20 +41,6 @@ void main() {
 }`;
 const MOST_BYTES = 500e6;
 
-export function program(gl, vertex, fragment) {
-  const made = gl.createProgram();
-  for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-    const shader = gl.createShader(kind);
-    gl.shaderSource(shader, text);
-    gl.compileShader(shader);
-    if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(gl.getShaderInfoLog(shader));
-    gl.attachShader(made, shader);
-  }
-  gl.bindAttribLocation(made, 0, "corner");
-  gl.linkProgram(made);
-  return made;
-}
-
 export class Painter {
   constructor(canvas) {
     this.canvas = canvas;
@@ -68,6 +56,7 @@ export class Painter {
     this.textures = new Map();
     this.maps = new Map();
     this.bytes = 0;
+    this.refocusing = null;
     this.program = program(gl, CORNERS, PIXELS);
     this.at = Object.fromEntries(["place", "plane", "other", "map", "mode", "span", "power"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.corners = gl.createBuffer();
@@ -102,18 +91,18 @@ export class Painter {
     this.clip(frame);
     gl.useProgram(this.program);
     gl.disable(gl.DEPTH_TEST);
-    this.#square();
+    this.square();
     const across = (value) => ((value - frame.x) / frame.w) * 2 - 1, down = (value) => 1 - ((value - frame.y) / frame.h) * 2;
     gl.uniform4f(this.at.place, across(box.x), down(box.y), across(box.x + box.w), down(box.y + box.h));
     const textures = [this.texture(plane, picture), this.texture(minus ?? plane, picture), this.map(map)]; // all made before any is bound
-    [this.at.plane, this.at.other, this.at.map].forEach((place, unit) => this.#bind(unit, place, textures[unit]));
+    [this.at.plane, this.at.other, this.at.map].forEach((place, unit) => this.bind(unit, place, textures[unit]));
     gl.uniform1i(this.at.mode, picture ? 1 : minus ? 2 : 0);
     gl.uniform2f(this.at.span, ...(span[1] > span[0] ? span : [span[0], span[0] + 1e-9]));
     gl.uniform1f(this.at.power, power);
     gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
   }
 
-  #square() {
+  square() {
     const gl = this.gl;
     gl.bindBuffer(gl.ARRAY_BUFFER, this.corners);
     gl.enableVertexAttribArray(0);
@@ -121,7 +110,15 @@ export class Painter {
     gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
   }
 
-  #bind(unit, place, texture) {
+  // The views { plane, v, u } of a light field, focused on a disparity, or on that of every pixel of a plane.
+  refocus(key, views, [rows, columns], disparity) {
+    this.refocusing ??= new Refocusing(this.gl);
+    const size = [views[0].plane.rows, views[0].plane.columns], thinned = views[0].plane.step;
+    const shift = typeof disparity === "number" ? disparity / thinned : disparity;
+    return { key, data: this.refocusing.mean(this, key, views, size, shift), rows: size[0], columns: size[1], step: thinned, whole: [rows, columns] };
+  }
+
+  bind(unit, place, texture) {
     this.gl.activeTexture(this.gl.TEXTURE0 + unit);
     this.gl.bindTexture(this.gl.TEXTURE_2D, texture);
     this.gl.uniform1i(place, unit);

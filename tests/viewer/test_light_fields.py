@@ -1,0 +1,80 @@
+"""Light fields: views, refocused pictures and epipolar lines on the page are those of the package."""
+
+from contextlib import ExitStack
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import tmca
+from tmca.plots.views import brightest, refocus
+from tmca.viewer.opening import open_items
+
+READY = "tmca.planes.whole(0, tmca.desk.items[0].layers[0])"
+
+
+def smooth(colour=False):
+    """A light field of soft waves at two disparities, (3,) 5×5 views of 20×24 pixels."""
+    y, x = np.mgrid[:20, :24]
+    views = np.empty((5, 5, 20, 24), np.float32)
+    for v in range(5):
+        for u in range(5):
+            wave = np.sin((y + (v - 2) * 0.5) / 3) + np.cos((x + (u - 2) * 0.5) / 4)
+            views[v, u] = 0.5 + 0.2 * wave
+    return tmca.data.label_light_field(np.stack([views, 0.5 * views, 0.2 * views]) if colour else views)
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_views_are_pictures_of_one_brightness(tmp_path, colour):
+    field = smooth(colour)
+    tmca.data.write_dataset(field, tmp_path / "f.nc")
+    with ExitStack() as stack:
+        [item] = open_items(tmp_path / "f.nc", stack)
+        assert (item.kind, item.view["grid"]) == ("light field", [5, 5])
+        layer = item.layers[0]
+        assert (layer.planes, layer.size, layer.axis.names[1]) == (25, (20, 24), "view -2, -1")
+        values = np.moveaxis(field.values[:, 1, 3], 0, -1) if colour else field.values[1, 3][..., None]
+        expected = np.round(255 * np.clip(values / brightest(field.values), 0, 1))
+        np.testing.assert_allclose(layer.plane(8), np.broadcast_to(expected, (20, 24, 3)), atol=1)
+
+
+def test_the_disparity_of_a_file_is_a_layer():
+    map_ = xr.DataArray(np.linspace(-1, 3, 480, dtype=np.float32).reshape(20, 24), dims=("y", "x"))
+    with ExitStack() as stack:
+        [item] = open_items(xr.Dataset({"light_field": smooth(), "disparity": map_}), stack)
+    np.testing.assert_array_equal(item.layer("disparity").plane(0), map_)
+    assert item.view["reach"] == (-2.0, 3.0)
+
+
+def test_the_page_refocuses_as_the_package_does(look):
+    field = smooth()
+    looked = look(field, hash="#mode=focus&focus=0.5&cursor=7,9")
+    looked.until(READY)
+    looked.until("tmca.desk.refocused.get(0)?.made.endsWith('/25')")
+    shown = np.array(looked.ask("Array.from(tmca.desk.refocused.get(0).plane.data)")).reshape(20, 24, 3)
+    focus = looked.ask("tmca.desk.focus")
+    expected = 255 * np.clip(refocus(field.values, focus) / brightest(field.values), 0, 1)
+    np.testing.assert_allclose(shown[3:-3, 3:-3, 0], expected[3:-3, 3:-3], atol=2)
+    assert looked.errors == []
+
+
+def test_epipolar_lines_are_rows_of_the_views(look):
+    field = smooth()
+    looked = look(field, hash="#cursor=7,9")
+    looked.until(READY)
+    looked.until("[...tmca.desk.panels.values()].at(-1).spec.paint.plane")
+    lines = np.array(looked.ask("Array.from([...tmca.desk.panels.values()].at(-2).spec.paint.plane.data)"))
+    expected = 255 * np.clip(field.values[2, :, 7] / brightest(field.values), 0, 1)
+    np.testing.assert_allclose(lines.reshape(5, 24, 3)[..., 1], expected, atol=1)
+
+
+def test_a_hand_walks_through_the_views(look):
+    looked = look(smooth())
+    looked.until(READY)
+    looked.page.mouse.move(250, 200)
+    looked.page.mouse.down()
+    looked.page.mouse.move(285, 140, steps=4)
+    looked.page.mouse.up()
+    assert looked.ask("[tmca.desk.v, tmca.desk.u]") == [0, 3]
+    looked.page.keyboard.press("ArrowLeft")
+    assert looked.ask("[tmca.desk.v, tmca.desk.u]") == [0, 2]
