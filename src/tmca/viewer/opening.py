@@ -11,13 +11,15 @@ import numpy as np
 
 from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
-from tmca.data import Contents, from_array
+from tmca.data import Contents, from_array, holds_rgbd, read_spectral_depth
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
+from tmca.data.spectral_depth import scene_parts
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.cubes import cube_item
+from tmca.viewer.depths import rgbd_item, with_depth
 from tmca.viewer.items import Item
 from tmca.viewer.light_fields import light_field_item
 from tmca.viewer.snapshots import export_item, snapshot_items
@@ -56,6 +58,10 @@ def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: s
         return in_memory_items(read_scene(str(path), bands=None), str(path), role, variable)
     if (Path(path) / MANIFEST).is_file():
         return [export_item(Path(path), role=role)]
+    if variable is None and holds_rgbd(path):
+        return [rgbd_item(path, Path(path).name, role=role)]
+    if variable is None and scene_parts(Path(path)) is not None:
+        return in_memory_items(read_spectral_depth(path, negative="keep"), Path(path).name, role)
     contents = stack.enter_context(open_contents(path))
     return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
 
@@ -67,7 +73,7 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
     views = find_light_field(contents, variable)
     if views is not None:
         return [light_field_item(contents, views, title, **about)]
-    return [cube_item(contents, title, variable, **about)]
+    return [with_depth(cube_item(contents, title, variable, **about), contents)]
 
 
 def _coordinates(contents: Contents) -> set[str]:

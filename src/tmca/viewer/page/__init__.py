@@ -6,8 +6,21 @@ import re
 from importlib.resources import files
 
 SCRIPTS = (
-    *("numbers", "colours", "planes", "programs", "refocusing", "painter", "plot", "hash", "panel", "tools", "desk"),
-    *("stack", "codes", "lightfield", "app"),
+    *(
+        "numbers",
+        "colours",
+        "planes",
+        "programs",
+        "refocusing",
+        "surface",
+        "painter",
+        "plot",
+        "hash",
+        "panel",
+        "tools",
+        "desk",
+    ),
+    *("stack", "codes", "lightfield", "depth", "app"),
 )
 """Files of the script, each after those that it uses."""
 _IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)

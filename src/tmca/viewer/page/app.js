@@ -1,6 +1,7 @@
 // The page: what is shown is asked for, grouped by kind, and drawn once a frame where something changed.
 import { readHash, writeHash } from "./hash.js";
 import { element } from "./numbers.js";
+import { Depth } from "./depth.js";
 import { LightField } from "./lightfield.js";
 import { Painter } from "./painter.js";
 import { Embedded, Planes, Served } from "./planes.js";
@@ -8,7 +9,7 @@ import { Codes } from "./codes.js";
 import { Stack } from "./stack.js";
 import { saveStage } from "./tools.js";
 
-const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], array: ["Array", Stack] };
+const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
 const HELP = [
   ["move over a picture", "curve and values at the cursor"],
   ["click", "keep the curve of a pixel"],
@@ -43,7 +44,7 @@ class App {
     this.desks = kinds.map((kind) => new KINDS[kind][1](this, items.filter((item) => item.kind === kind)));
     this.tabs.replaceChildren(...kinds.map((kind, at) => {
       const count = this.desks[at].items.length;
-      const tab = element("button", { textContent: count > 1 ? `${KINDS[kind][0]}${kind === "codes" ? "" : "s"} (${count})` : KINDS[kind][0], onclick: () => this.choose(at) });
+      const tab = element("button", { textContent: count > 1 ? `${KINDS[kind][0]} (${count})` : KINDS[kind][0], onclick: () => this.choose(at) });
       tab.setAttribute("role", "tab");
       return tab;
     }));

@@ -78,7 +78,7 @@ export class Desk {
       const { columns, rows } = this.grid(specs);
       Object.assign(root.style, { gridTemplateColumns: columns, gridTemplateRows: rows });
       const placed = this.inCells(specs);
-      specs.forEach(({ key, cell }) => (this.panels.get(key).root.style.gridArea = placed ? `${cell[0] + 1} / ${cell[1] + 1}` : ""));
+      specs.forEach(({ key, cell, wide }) => (this.panels.get(key).root.style.gridArea = placed ? `${cell[0] + 1} / ${cell[1] + 1}` : wide ? "auto / 1 / auto / -1" : ""));
     }
     specs.forEach((spec) => (this.panels.get(spec.key).spec = spec));
     return specs.map((spec) => this.panels.get(spec.key));

@@ -17,6 +17,7 @@ export class Panel {
     this.note = element("span");
     const save = element("button", { className: "save small", title: "Save this picture, a pixel of the file a pixel of the picture", textContent: "⤓", onclick: () => desk.savePanel(this) });
     save.setAttribute("aria-label", "Save this picture");
+    this.save = save;
     this.root = element("div", { className: "panel", tabIndex: 0 }, this.overlay, element("p", { className: "caption" }, this.title, this.note), save);
     this.root.setAttribute("role", "img");
     this.#listen();
@@ -53,6 +54,7 @@ export class Panel {
         painter.draw(frame, place, { ...spec.paint, plane: part });
       }
     }
+    this.save.hidden = Boolean(spec.solid);
     this.#say(spec.title, spec.note ?? "");
     const lasting = JSON.stringify([box, inner, this.width, this.height, spec.bar, spec.extents, spec.signature, this.desk.cursor, this.desk.places, this.dragged?.region, !spec.paint?.plane]);
     if (lasting === this.lasting) return;
@@ -80,7 +82,7 @@ export class Panel {
     context.beginPath();
     context.rect(inner.x, inner.y, inner.w, inner.h);
     context.clip();
-    if (!spec.unmarked) this.#drawMarks(context, box);
+    if (!spec.unmarked && !spec.pick) this.#drawMarks(context, box);
     spec.over?.(context, (x, y) => [box.x + (x / spec.size[1]) * box.w, box.y + (y / spec.size[0]) * box.h]);
     context.restore();
     if (!spec.paint?.plane && !spec.custom) {
@@ -130,10 +132,13 @@ export class Panel {
   #under(event) {
     const own = this.root.getBoundingClientRect(), box = this.box();
     const fx = (event.clientX - own.left - box.x) / box.w, fy = (event.clientY - own.top - box.y) / box.h;
+    const px = (event.clientX - own.left - this.inner.x) / this.inner.w, py = (event.clientY - own.top - this.inner.y) / this.inner.h;
+    if (this.spec.pick) return { fx, fy, px, py, inside: px >= 0 && px < 1 && py >= 0 && py < 1 };
     return { fx, fy, inside: fx >= 0 && fx < 1 && fy >= 0 && fy < 1 };
   }
 
-  #pixel({ fx, fy }) {
+  #pixel({ fx, fy, px, py }) {
+    if (this.spec.pick) return this.spec.pick({ px, py });
     const [rows, columns] = this.spec.size;
     return [clamp(Math.floor(fy * rows), 0, rows - 1), clamp(Math.floor(fx * columns), 0, columns - 1)];
   }
@@ -149,7 +154,7 @@ export class Panel {
       root.setPointerCapture(event.pointerId);
       root.focus({ preventScroll: true, focusVisible: false });
       const view = this.desk.viewOf(this.spec);
-      this.dragged = { x: event.clientX, y: event.clientY, view: { ...view }, from: this.#pixel(this.#under(event)), moved: false, region: null };
+      this.dragged = { x: event.clientX, y: event.clientY, view: { ...view }, from: this.spec.pick ? null : this.#pixel(this.#under(event)), moved: false, region: null };
       this.spec.dragStart?.();
     });
     root.addEventListener("pointermove", (event) => this.#move(event));
@@ -163,13 +168,14 @@ export class Panel {
   #move(event) {
     const under = this.#under(event);
     if (!this.dragged) {
-      if (under.inside) this.desk.point(this.spec, this.#pixel(under));
+      const pixel = under.inside ? this.#pixel(under) : null;
+      if (pixel) this.desk.point(this.spec, pixel);
       return;
     }
     const dx = event.clientX - this.dragged.x, dy = event.clientY - this.dragged.y;
     if (Math.hypot(dx, dy) > CLICK) this.dragged.moved = true;
     if (!this.dragged.moved) return;
-    if (event.shiftKey && !this.spec.unmarked) {
+    if (event.shiftKey && !this.spec.unmarked && !this.spec.pick) {
       const [y0, x0] = this.dragged.from, [y1, x1] = this.#pixel(under);
       this.dragged.region = [Math.min(y0, y1), Math.max(y0, y1) + 1, Math.min(x0, x1), Math.max(x0, x1) + 1];
       this.desk.redraw();
@@ -185,12 +191,14 @@ export class Panel {
     this.dragged = null;
     if (!held) return;
     if (held.region) this.desk.mark(this.spec, held.region);
-    else if (!held.moved && !this.spec.unmarked && this.#under(event).inside) this.desk.mark(this.spec, this.#pixel(this.#under(event)));
-    else if (!held.moved) this.spec.click?.(this.#pixel(this.#under(event)));
+    else if (!held.moved && !this.spec.unmarked && this.#under(event).inside) {
+      const pixel = this.#pixel(this.#under(event));
+      if (pixel) this.desk.mark(this.spec, pixel);
+    }
   }
 
   #zoom(factor, { fx, fy }) {
-    const view = this.desk.viewOf(this.spec), zoom = clamp(view.zoom * factor, 1, FASTEST), change = view.zoom / zoom;
+    const view = this.desk.viewOf(this.spec), zoom = clamp(view.zoom * factor, this.spec.pick ? 0.5 : 1, FASTEST), change = view.zoom / zoom;
     this.desk.look(this.spec, { zoom, fx: zoom === 1 ? 0.5 : fx + (view.fx - fx) * change, fy: zoom === 1 ? 0.5 : fy + (view.fy - fy) * change });
   }
 

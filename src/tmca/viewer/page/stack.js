@@ -115,14 +115,18 @@ export class Stack extends Desk {
 
   specs() {
     const found = this.items.map((item, column) => ({ ...this.spec(item), cell: [0, column] }));
-    const rows = ["deviation", "difference", "error"].filter((name) => this.extra[name] && (name === "deviation" || this.against));
-    rows.forEach((name, row) => {
+    this.rows().forEach((name, row) => {
       this.items.forEach((item, column) => {
         const spec = this[name](item);
         if (spec) found.push({ ...spec, cell: [row + 1, column] });
       });
     });
     return found;
+  }
+
+  // What is shown of every item below its picture.
+  rows() {
+    return ["deviation", "difference", "error"].filter((name) => this.extra[name] && (name === "deviation" || this.against));
   }
 
   // Whether a picture can be compared, pixel by pixel, with the one that is compared with.
