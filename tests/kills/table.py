@@ -68,6 +68,7 @@ COMMANDS = {
     "dbd solve": ["dbd", "solve", "overlaid.nc", "--out", "solved.nc", "--overwrite"],
     "dbd study": ["dbd", "study", "--vary", "L=1,2", "--set", "M=7", "--set", "P=3", "--set", "Q=1", "--set",
                   "basis=gaussian", "--draws", "2", "--out", "studied", "--work", "work", "--overwrite"],
+    "view": ["view", "sim.nc", "--static", "page.html", "--overwrite"],
     "design": ["design", "judge", "sim.nc", "--json"],
     "decoder export": ["decoder", "export", "run", "--out", "decoder", "--formats", "torch", "--overwrite"],
 }  # fmt: skip

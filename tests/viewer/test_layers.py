@@ -116,3 +116,20 @@ def test_bad_files_are_named(opened, tmp_path):
         assert refused.value.where == str(tmp_path / name)
     with pytest.raises(SettingError):
         opened(3.5)
+
+
+def test_arrays_that_are_no_cube_are_planes(opened, tmp_path):
+    from PIL import Image
+
+    values = np.random.default_rng(0).random((5, 40, 50))
+    np.savez(tmp_path / "many.npz", stack=values, mask=values[0] > 0.5)
+    items = opened(tmp_path / "many.npz")
+    assert [(item.kind, item.title) for item in items] == [("array", "many.npz: stack"), ("array", "many.npz: mask")]
+    np.testing.assert_allclose(items[0].layers[0].plane(3), values[3], rtol=1e-6)
+    np.testing.assert_array_equal(items[1].layers[0].plane(0), values[0] > 0.5)
+    Image.fromarray(np.uint8(255 * np.moveaxis(values[:3], 0, -1))).save(tmp_path / "rgb.png")
+    [picture] = opened(tmp_path / "rgb.png")
+    np.testing.assert_array_equal(picture.layers[0].plane(0), np.uint8(255 * np.moveaxis(values[:3], 0, -1)))
+    np.savez(tmp_path / "flat.npz", numbers=np.arange(4.0))
+    with pytest.raises(DataError):
+        opened(tmp_path / "flat.npz")

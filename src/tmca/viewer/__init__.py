@@ -1,5 +1,5 @@
 """A page in the browser to look at data: cubes, snapshots, codes, light fields, depth; local, and read-only."""
 
-from tmca.viewer.viewing import Viewer, view
+from tmca.viewer.viewing import Viewer, view, write_static
 
-__all__ = ["Viewer", "view"]
+__all__ = ["Viewer", "view", "write_static"]

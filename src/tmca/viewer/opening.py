@@ -11,18 +11,22 @@ import numpy as np
 
 from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
-from tmca.data import Contents, from_array, holds_rgbd, read_spectral_depth
+from tmca.data import Contents, from_array, holds_rgbd, read_scene, read_spectral_depth
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
 from tmca.data.spectral_depth import scene_parts
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
+from tmca.viewer.arrays import array_items
 from tmca.viewer.cubes import cube_item
 from tmca.viewer.depths import rgbd_item, with_depth
 from tmca.viewer.items import Item
 from tmca.viewer.light_fields import light_field_item
 from tmca.viewer.snapshots import export_item, snapshot_items
+
+_VIEWS = 7
+"""Views of a side of a rendered light field."""
 
 
 def open_items(thing: Any, stack: ExitStack, variable: str | None = None, role: str = "") -> list[Item]:
@@ -52,10 +56,8 @@ def in_memory_items(thing: Any, title: str = "", role: str = "", variable: str |
 
 
 def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: str) -> list[Item]:
-    if is_rendered(str(path)):
-        from tmca.data import read_scene
-
-        return in_memory_items(read_scene(str(path), bands=None), str(path), role, variable)
+    if is_rendered(str(path).partition(":")[0]):
+        return in_memory_items(_rendered(str(path)), str(path), role, variable)
     if (Path(path) / MANIFEST).is_file():
         return [export_item(Path(path), role=role)]
     if variable is None and holds_rgbd(path):
@@ -66,6 +68,13 @@ def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: s
     return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
 
 
+def _rendered(name: str) -> Any:
+    """A rendered scene by its name; with a seed after a colon a light field."""
+    if ":" in name:
+        return read_scene(name, "light-field", views=_VIEWS, colour=True)
+    return read_scene(name, bands=None)
+
+
 def _items(contents: Contents, title: str, variable: str | None, about: dict[str, Any]) -> list[Item]:
     """The items of an open file, by what it holds."""
     if holds_snapshot({*contents.arrays, *_coordinates(contents)}) and variable is None:
@@ -73,7 +82,13 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
     views = find_light_field(contents, variable)
     if views is not None:
         return [light_field_item(contents, views, title, **about)]
-    return [with_depth(cube_item(contents, title, variable, **about), contents)]
+    try:
+        return [with_depth(cube_item(contents, title, variable, **about), contents)]
+    except DataError:
+        arrays = array_items(contents, title, variable, **about)
+        if not arrays:
+            raise
+        return arrays
 
 
 def _coordinates(contents: Contents) -> set[str]:

@@ -7,6 +7,7 @@ import time
 import webbrowser
 from html import escape
 from importlib.util import find_spec
+from pathlib import Path
 from socket import SO_REUSEADDR, SOL_SOCKET, socket
 from threading import Thread
 from typing import Any
@@ -104,6 +105,25 @@ def view(*things: Any, truth: Any = None, variable: str | None = None, port: int
     if browser:
         webbrowser.open(viewer.address)
     return viewer
+
+
+def write_static(
+    path: Any, *things: Any, truth: Any = None, variable: str | None = None, overwrite: bool = False
+) -> Path:
+    """Write the page of `view` as one HTML file of at most 10 MB, which needs no Python; arguments as of `view`.
+
+    Raises:
+        DataError: a file that cannot be shown.
+        OutputError: the file exists, or cannot be written.
+        SettingError: nothing to show, or more than fits into a file.
+    """
+    from tmca.viewer.static import write_page
+
+    gallery = opened(things, truth, variable)
+    try:
+        return write_page(gallery, path, overwrite=overwrite)
+    finally:
+        gallery.close()
 
 
 def opened(things: Any, truth: Any = None, variable: str | None = None) -> Gallery:

@@ -86,7 +86,7 @@ export class Desk {
 
   // Whether panels lie in the rows and columns that their specs name: what belongs to a file below it.
   inCells(specs) {
-    return this.items.length > 1 && specs.every((spec) => spec.cell) && specs.some((spec) => spec.cell[0]);
+    return specs.every((spec) => spec.cell) && specs.some(({ cell: [row, column] }) => row && column);
   }
 
   grid(specs) {

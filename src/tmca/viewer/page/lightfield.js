@@ -52,7 +52,8 @@ export class LightField extends Desk {
   }
 
   grid(specs) {
-    return this.items.length === 1 && specs.length > 1 ? { columns: "minmax(0, 1fr) minmax(0, 1fr)", rows: specs.length > 3 ? "minmax(0, 1.5fr) minmax(0, 1fr)" : "minmax(0, 2.2fr) minmax(0, 1fr)" } : super.grid(specs);
+    if (this.items.length > 1) return super.grid(specs);
+    return { columns: "minmax(0, 1fr) minmax(0, 1fr)", rows: specs.length > 3 ? "minmax(0, 1.5fr) minmax(0, 1fr)" : "minmax(0, 2.2fr) minmax(0, 1fr)" };
   }
 
   viewOf(spec) {
@@ -73,7 +74,7 @@ export class LightField extends Desk {
   }
 
   picture(item) {
-    const layer = item.layers[0], spec = { key: `${item.number}/picture`, title: item.title, size: layer.size, item, layer, index: 0, bar: null };
+    const layer = item.layers[0], spec = { key: `${item.number}/picture`, title: item.title, size: layer.size, item, layer, index: 0, bar: null, wide: this.items.length === 1 && !item.layers[1] };
     if (this.mode !== "view") {
       const plane = this.focused(item);
       const note = this.mode === "focus" ? `refocused at ${shown(this.focus, 3)} px per view step` : "all in focus";

@@ -244,7 +244,7 @@ function rulers(context, inner, box, spec, small) {
     const x = box.x + ((value + half - acrossRange[0]) / (acrossRange[1] - acrossRange[0])) * box.w;
     if (x > high || (!spec.extents && value % 1)) continue;
     line(context, x, bottom, x, bottom + 4);
-    context.fillText(shown(value), x, bottom + 11);
+    context.fillText(shown(value), Math.min(x, high - 3), bottom + 11);
   }
   if (!small) context.fillText(spec.xlabel ?? "column (px)", (low + high) / 2, bottom + 26);
   context.textAlign = "right";
