@@ -25,7 +25,7 @@ from tmca.viewer.items import Item
 from tmca.viewer.light_fields import light_field_item
 from tmca.viewer.snapshots import export_item, snapshot_items
 
-_VIEWS = 7
+_VIEWS = 5
 """Views of a side of a rendered light field."""
 
 

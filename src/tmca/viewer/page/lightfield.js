@@ -109,11 +109,11 @@ export class LightField extends Desk {
     }
   }
 
-  // The mean of all views that are here, shifted by the focus, or by the disparity of every pixel.
+  // The mean of all views, shifted by the focus, or by the disparity of every pixel.
   focused(item) {
     const layer = item.layers[0], map = this.mode === "sharp" ? item.layers[1] : null, disparity = map ? this.planes.now(item.number, map, 0) : null;
     const views = item.places.map(([v, u], at) => ({ v, u, plane: this.planes.now(item.number, layer, at) })).filter((view) => view.plane);
-    if (!views.length || (this.mode === "sharp" && !disparity)) return null;
+    if (views.length < item.places.length || (this.mode === "sharp" && !disparity)) return this.plane(`${item.number}/middle`, item, layer, this.index(item)); // until all are here
     const wanted = `${this.mode}/${this.mode === "focus" ? this.focus : ""}`;
     const few = this.slow && this.settled !== wanted ? views.filter(({ v, u }) => (Math.floor(v) + Math.floor(u)) % 2 === 0 && Math.abs(v % 2) < 1) : views;
     if (few.length < views.length) this.finish(wanted);
