@@ -2,6 +2,8 @@
 PYTHON ?= python3
 DATA ?= ../shared/data
 export OMP_NUM_THREADS ?= 1
+# One more than two cores: some tests wait.
+WORKERS ?= 3
 
 .PHONY: demo test test-all lint fuzz kills benchmarks train-shipped docs clean
 
@@ -14,10 +16,10 @@ demo: .venv/installed
 	.venv/bin/tmca demo --overwrite
 
 test: .venv/installed
-	.venv/bin/pytest -n 2 -m "not slow" --durations=20
+	.venv/bin/pytest -n $(WORKERS) -m "not slow" --durations=20
 
 test-all: .venv/installed
-	.venv/bin/pytest -n 2 --durations=20
+	.venv/bin/pytest -n $(WORKERS) --durations=20
 
 lint: .venv/installed
 	.venv/bin/ruff check .

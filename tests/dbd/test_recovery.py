@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.dbd.loops import noise, samples
-from tmca.dbd import Problem, Source, Truth, simulate, solve, solving
+from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
 from tmca.dbd.model import LittleExplained, SameSignals
 from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
@@ -191,6 +191,17 @@ def test_sizes_beyond_the_memory_are_refused_before_the_work(method, frequencies
     source = Source("radar", np.ones((frequencies, 1)), [0])
     with pytest.raises(SettingError, match=f"{frequencies} samples, about .* GB, expected at most .* on this machine"):
         solve(Problem(np.ones((1, frequencies)), (source,), 0.0), method)
+
+
+def test_units_give_seconds_and_hertz():
+    problem = replace(of("no communications"), units=Units(delay_s=1e-5, doppler_hz=2000.0, carrier_hz=1e10))
+    recovery = solve(problem, certify=False)
+    delays, dopplers = np.sort(problem.truth[0].points[:, 0]), problem.truth[0].points[:, 1]
+    np.testing.assert_allclose(np.sort(recovery.delays_s["radar"]), 1e-5 * delays, atol=1e-12)
+    signed = np.where(dopplers < 0.5, dopplers, dopplers - 1)
+    np.testing.assert_allclose(np.sort(recovery.dopplers_hz["radar"]), np.sort(2000 * signed), atol=1e-4)
+    with pytest.raises(SettingError, match="units: found none"):
+        _ = recovered("no communications").delays_s
 
 
 def test_neither_import_nor_solution_loads_torch():

@@ -9,7 +9,7 @@ import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Whole, distance
+from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
 from tmca.errors import SettingError
 
 
@@ -65,6 +65,21 @@ class Recovery:
     def score(self, problem: Problem | None = None, tolerance: float | None = None) -> Score:
         """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`score`."""
         return score(self.sources, problem or self.problem, tolerance)
+
+    @property
+    def dopplers_hz(self) -> dict[str, Real]:
+        """Per source the Dopplers in hertz, ``−½`` to ``½`` of the pulse repetition frequency; needs units."""
+        return {one.name: centred(one.points[:, 1]) * self._units().doppler_hz for one in self.sources}
+
+    @property
+    def delays_s(self) -> dict[str, Real]:
+        """Per source the delays in seconds; needs units."""
+        return {one.name: one.points[:, 0] * self._units().delay_s for one in self.sources}
+
+    def _units(self) -> Units:
+        if self.problem.units is None:
+            raise SettingError("units", "none", "a problem with physical units", "give Problem(…, units=Units(…))")
+        return self.problem.units
 
 
 @dataclass(frozen=True)
