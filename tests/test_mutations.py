@@ -22,13 +22,13 @@ MUTATIONS = {
         "operators/spectral.py",
         "tuple(-d for d in dispersion.displacement)",
         "dispersion.displacement",
-        ("operators/test_spectral.py", "dual_disperser_equals and fractional"),
+        ("operators/test_spectral.py", "dispersers_equal and dual and fractional"),
     ),
     "exposure weight": (
         "operators/linear.py",
         'return 1 / slots if exposure == "equal" else 1.0',
         "return 1.0",
-        ("operators/test_spectral.py", "single_disperser_equals and none"),
+        ("operators/test_spectral.py", "dispersers_equal and single and fractional"),
     ),
     "noise variance": (
         "sensor/sensor.py",
