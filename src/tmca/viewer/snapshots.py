@@ -49,9 +49,7 @@ def code_layers(camera: Any) -> list[Layer]:
         aperture, shutters = camera.bucket_codes()
         cube = camera.code_cube()
     layers = [_layer("aperture", "aperture T", _numbers(aperture), "slot", colours="binary")]
-    for number, shutter in enumerate(shutters, start=1):
-        bucket = f", bucket {number}" if len(shutters) > 1 else ""
-        layers.append(_layer(f"shutter{number}", f"shutter S{bucket}", _numbers(shutter), "slot", colours="binary"))
+    layers += _shutter_layers(shutters, camera)
     channels = [f"{name}{_bucket(number, camera)}" for number in range(camera.buckets) for name in camera.channel_names]
     code = _numbers(cube).reshape(-1, *cube.shape[-2:])
     return [*layers, _layer("code", "effective code T̂", code, camera.channel, channels)]
@@ -62,11 +60,17 @@ def _phase_layers(camera: Any) -> list[Layer]:
     with torch.no_grad():
         shutters = bucket_shutters(camera.shutter(), camera.slots, camera.buckets)
         heights = _numbers(camera.codes.optics.heights()) * 1e6
-    layers = [_layer("heights", "height of the mask", heights, "slot", unit="µm", colours="depth")]
-    for number, shutter in enumerate(shutters, start=1):
-        name = f"shutter S{_bucket(number - 1, camera)}"
-        layers.append(_layer(f"shutter{number}", name, _numbers(shutter), "slot", colours="binary"))
-    return layers
+    mask = _layer("heights", "height of the mask", heights, "slot", unit="µm", colours="depth")
+    return [mask, *_shutter_layers(shutters, camera)]
+
+
+def _shutter_layers(shutters: torch.Tensor, camera: Any) -> list[Layer]:
+    """One for each bucket."""
+    labels = [f"shutter S{_bucket(number, camera)}" for number in range(len(shutters))]
+    return [
+        _layer(f"shutter{number}", label, _numbers(shutter), "slot", colours="binary")
+        for number, (label, shutter) in enumerate(zip(labels, shutters, strict=True), start=1)
+    ]
 
 
 def export_item(folder: Path, **about: Any) -> Item:
