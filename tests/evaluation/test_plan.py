@@ -3,7 +3,8 @@
 import pytest
 
 from tmca.evaluation.camera import Lists
-from tmca.evaluation.run import Plan
+from tmca.evaluation.grid import CellsFailed, Grid
+from tmca.evaluation.run import Plan, _measured
 from tmca.evaluation.study import checked_study
 
 TWO, NET = {"slots": 2}, {"kind": "unet"}
@@ -24,7 +25,8 @@ CODES = {
 ABOUT = {
     "camera": "spectral", "settings": {"period": [8, 8]}, "reading": {"bands": 4, "size": [24, 32]}, "codes": CODES,
     "noises": {"none": {}, "some": {"read_noise": 0.02}}, "decoders": ["lmmse", "admm-tv", "net", "other"],
-    "networks": {name: {"label": name, "decoder": NET} for name in ("net", "other")}, "seeds": 2, "seed": 5, "search": {"effort": {}},
+    "networks": {name: {"label": name, "decoder": NET} for name in ("net", "other")}, "seeds": 2, "seed": 5,
+    "search": {"effort": {}},
 }  # fmt: skip
 PRIORS = {"gaussian": "gaussian.nc", "examples": "examples"}
 
@@ -125,3 +127,22 @@ def test_decoders_behind_learned_codes_see_those_and_networks_their_own(plan, fi
         ("from searched", "net"): (None, "c", "c"),
         ("from searched", "admm-tv"): (None, "c", None),
     }
+
+
+def test_a_search_that_fails_is_tried_and_said_once_and_what_needs_it_is_left_out(plan, tmp_path):
+    begun = []
+
+    def compute(cell):
+        begun.append((cell["step"], cell["name"]))
+        if (cell["step"], cell.get("noise"), cell.get("seed")) == ("search", "some", 5):
+            raise ValueError("no such codes")
+        return {what: f"{cell['name']}.nc" for what in ("prior", "codes", "weights")}
+
+    grid = Grid(compute, tmp_path)
+    measured = _measured(plan, grid, ["coffee"])
+    assert len(begun) == len({name for _, name in begun}) == grid.total == len(measured) + 1 + 2  # two priors
+    behind = {(cell["code"], cell["seed"]) for cell in measured if cell["step"] in ("training", "measurement")}
+    assert ("searched", 6) in behind
+    assert not {("searched", 5), ("from searched", 5), ("from learned", 5)} & behind
+    with pytest.raises(CellsFailed, match=r"found 1 of \d+ cells failed \(search · for each noise · some · seed 5\)"):
+        grid.check()
