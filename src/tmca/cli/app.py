@@ -49,7 +49,7 @@ GUIDE = """\
 tmca simulates, designs and decodes coded cameras: one snapshot becomes a
 spectral cube, a light field, or a cube with depth.
 
-  tmca demo                        every camera on rendered scenes, with a report
+  tmca demo                        every camera on rendered scenes, a report
   tmca simulate spectral coffee    a snapshot of a scene: a name, or a file
   tmca reconstruct coffee_snapshot.nc --truth coffee
   tmca view coffee_lmmse.nc coffee           the estimate beside the truth
