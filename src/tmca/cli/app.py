@@ -33,6 +33,7 @@ COMMANDS = {
     "calibrate": ("lab.calibrate:app", "From captures to a dated calibration of a coded camera, step by step."),
     "real": ("lab.real:app", "Real captures: mask in register, frames behind a pixel shutter, a report of all."),
     "decoder": ("lab.decoder:app", "Trained decoders as files that need no tmca: torch.export and ONNX."),
+    "new": ("new:new", "Write a camera, a decoder or a driver of your own to start from, with its test."),
     "dbd": ("dbd:app", "Radar targets and radio paths from one overlaid signal."),
     "prior": ("prior:app", "Learn, show and judge codes by a Gaussian prior of scene blocks."),
 }

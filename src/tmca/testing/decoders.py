@@ -12,7 +12,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate
 
 from tmca.cameras import Camera, Snapshot
-from tmca.decoders import Decoder, Estimate, decode, make_decoder
+from tmca.decoders import Decoder, Estimate, decode, make_decoder, settings_of
 from tmca.errors import SettingError
 from tmca.testing.comparing import close, drawn, refused, run, same_shape, say
 
@@ -60,7 +60,7 @@ def check_decoder(
     """Check what a decoder does: shapes, equal estimates of equal snapshots, batches, darkness, precision, devices.
 
     Args:
-        decoder: with few iterations, so that it is quick.
+        decoder: an object with few iterations, so that it is quick; of a class or a name a setting ``iterations`` is 3.
         camera: a small one that it decodes, of odd sides at best.
         prior: of a decoder that uses one; that of the rendered scenes without.
         values: (2, *snapshot_shape) snapshots; smooth scenes with some noise without, of cameras without depth.
@@ -71,6 +71,8 @@ def check_decoder(
         AssertionError: one line: what does not hold.
     """
     made = make_decoder(decoder, camera.kind)
+    if made is not decoder and any(setting.name == "iterations" for setting in settings_of(type(made))):
+        made = replace(made, iterations=3)  # type: ignore[call-arg]
     taken = smooth_snapshots(camera) if values is None else values
     run(CHECKS, DecoderCase(made, camera, taken, prior, shared), type(made).__name__)
 
