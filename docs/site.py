@@ -39,11 +39,12 @@ ROOMS = [
     "metrics",
     "plots",
     "dbd",
+    "testing",
     "errors",
 ]
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
-    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "errors"),
+    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "testing", "errors"),
 )
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
 _IMAGE = re.compile(r"(!\[[^\]]*\]\()docs/")

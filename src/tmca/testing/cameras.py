@@ -165,8 +165,8 @@ def what_does_not_fit_is_refused_in_a_line(case: CameraCase) -> None:
 def scenes_are_labelled(case: CameraCase) -> None:
     """``label`` keeps the axes of a scene, those of length one left out or not."""
     labelled = case.camera.label(case.given(batch=1)[0], "a scene")
-    sides = [tuple(side for side in shape if side > 1) for shape in (labelled.shape, case.camera.scene_shape)]
-    same_shape(*sides, "a labelled scene")
+    found, expected = ([side for side in shape if side > 1] for shape in (labelled.shape, case.camera.scene_shape))
+    same_shape(found, expected, "a labelled scene")
     say(labelled.attrs.get("long_name") == "a scene", "label leaves its name out of the attribute long_name")
 
 

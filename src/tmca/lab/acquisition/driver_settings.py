@@ -65,7 +65,7 @@ def _parameters(factory: Any) -> dict[str, Parameter] | None:
 def _types(factory: Any) -> dict[str, Any]:
     """Annotations of a factory; none of one whose annotations cannot be looked up."""
     try:
-        return get_type_hints(factory.__init__ if isinstance(factory, type) else factory)
+        return get_type_hints(vars(factory).get("__init__", factory) if isinstance(factory, type) else factory)
     except (NameError, TypeError, AttributeError):
         return {}
 
