@@ -23,25 +23,6 @@ TEXTS = {
     "weights.md": "src/tmca/weights/README.md",
 }
 """Pages, and the files of the project that they show."""
-ROOMS = [
-    "cameras",
-    "sensor",
-    "codes",
-    "optics",
-    "operators",
-    "decoders",
-    "priors",
-    "design",
-    "applications",
-    "training",
-    "evaluation",
-    "data",
-    "metrics",
-    "plots",
-    "dbd",
-    "testing",
-    "errors",
-]
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
     *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "testing", "errors"),

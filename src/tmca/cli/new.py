@@ -18,7 +18,7 @@ from tmca.errors import SettingError
 Part = Literal["camera", "decoder", "driver"]
 
 
-class Named(NamedTuple):
+class PartNames(NamedTuple):
     """What a part is called: on the command line, as a module, as a class, and in tables."""
 
     name: str
@@ -49,7 +49,7 @@ def new(part: Part, name: str, /, *, out: Path = Path(), overwrite: Overwrite = 
     print(_next_steps(part, named, out))
 
 
-def names_of(text: str) -> Named:
+def names_of(text: str) -> PartNames:
     """What a part of a name is called.
 
     Raises:
@@ -61,7 +61,7 @@ def names_of(text: str) -> Named:
     module, words = name.replace("-", "_"), name.split("-")
     if iskeyword(module) or _is_installed(module):
         raise SettingError("NAME", f"{text}, a name that Python or a package has", "a name of its own")
-    return Named(name, module, "".join(word.capitalize() for word in words), " ".join(words))
+    return PartNames(name, module, "".join(word.capitalize() for word in words), " ".join(words))
 
 
 def _is_installed(module: str) -> bool:
@@ -72,7 +72,7 @@ def _is_installed(module: str) -> bool:
     return spec is not None and "site-packages" in str(spec.origin)
 
 
-def rendered(part: Part, named: Named) -> dict[str, str]:
+def rendered(part: Part, named: PartNames) -> dict[str, str]:
     """Name of a file → its text: of the part, and of its test.
 
     Raises:
@@ -87,7 +87,7 @@ def rendered(part: Part, named: Named) -> dict[str, str]:
     return {file: Template(source).substitute(names) for file, source in sources.items()}
 
 
-def _check_free(part: Part, named: Named) -> None:
+def _check_free(part: Part, named: PartNames) -> None:
     """Raises SettingError for a name that a camera, a decoder or a driver has."""
     from tmca.cameras import CAMERAS, load_cameras
     from tmca.decoders import decoders
@@ -99,7 +99,7 @@ def _check_free(part: Part, named: Named) -> None:
         raise SettingError("NAME", f"{named.name}, a {part} that there is", f"none of {', '.join(known)}")
 
 
-def _next_steps(part: Part, named: Named, out: Path) -> str:
+def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     """What was written, how it is tested, tried and made known."""
     file, test = out / f"{named.module}.py", out / f"test_{named.module}.py"
     group = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "driver": "tmca.devices"}[part]
