@@ -69,7 +69,7 @@ class Camera(FromArguments, nn.Module, ABC):
         self.unbound = frozenset(name for name in self.from_scene if self._given.get(name) is None)
         self._cache: dict[str, tuple[tuple[object, ...], Any]] = {}
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Tensor | nn.Module:
         """What torch holds; of a property that failed, which torch would say is not there, what it lacks."""
         part = getattr(type(self), name, None)
         if not isinstance(part, property):
