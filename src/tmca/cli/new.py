@@ -43,7 +43,7 @@ def new(part: Part, name: str, /, *, out: Path = Path(), overwrite: Overwrite = 
     targets = {out / file: text for file, text in texts.items()}
     for target in targets:
         check_target(target, overwrite)
-    with ExitStack() as opened:  # both or none
+    with ExitStack() as opened:  # neither, unless both can be written
         for target, text in targets.items():
             opened.enter_context(atomic_path(target, overwrite=overwrite)).write_text(text, encoding="utf-8")
     print(_next_steps(part, named, out))
@@ -110,8 +110,9 @@ def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     if part == "driver":
         lines.append(f"try it with: tmca capture EXPORT --device {file}:{named.Class}")
     if part == "camera":
-        lines.append(f"try it with: python -c 'import tmca, {named.module} as my; "
-                     f'tmca.simulate("coffee", my.{named.Class}()).save("s.nc")\'')  # fmt: skip
+        there = "" if out == Path() else f"cd {out} && "
+        code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
+        lines.append(f"try it with: {there}python -c '{code}'")
     return "\n".join([
         *lines, "every command knows it once your package is installed, with this in its pyproject.toml:",
         f'  [project.entry-points."{group}"]', f'  {named.name} = "{place}"',
