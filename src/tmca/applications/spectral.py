@@ -82,8 +82,8 @@ class SpectralDemo(Demo):
             "reconstructed in closed form, without training, under a Gaussian prior of small blocks learned from other "
             "rendered scenes; learned codes came with the network that learned with them on those scenes.",
             f"Over the static camera, four random slots changed the mean PSNR by {buckets - static:+.2f} dB where each "
-            f"pixel has two buckets, which lose no light, and by {one - static:+.2f} dB where it has one and is open in "
-            f"one slot; eight learned slots by {learned - learned_static:+.2f} dB over a learned static aperture. "
+            f"pixel has two buckets, which lose no light, and by {one - static:+.2f} dB where it has one and is open "
+            f"in one slot; eight learned slots by {learned - learned_static:+.2f} dB over a learned static aperture. "
             "Random slots in one bucket do not pay under much noise: tmca design says what pays for a sensor.",
         )
 

@@ -29,6 +29,7 @@ GROUPS = {
         "design": ("design:app", "Find codes for a sensor, and say what they gain."),
         "train": ("train:app", "Learn codes and decoder together, or fine-tune."),
         "decoder": ("lab.decoder:app", "Trained decoders as files: torch.export and ONNX."),
+        "new": ("new:new", "Begin a camera, decoder or driver of your own."),
     },
     "On the bench": {
         "export": ("lab.export:app", "Codes as files that DMD, LCoS and shutters show."),
