@@ -19,6 +19,7 @@ FLOORS = {
     "stored_numbers": 0.4,
     "specs": 0.5,
     "devices": 0.5,
+    "workers": 0.5,
     "data": 1,
     "metrics": 1,
     "plots": 2,

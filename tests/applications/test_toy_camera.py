@@ -217,7 +217,7 @@ def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
 def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed, capsys):
     for kind in ("spectral", "light-field", "spectral-depth"):
         monkeypatch.setattr(APPLICATIONS[kind], "demo", None)
-    command = ("demo", "--size", "14x17", "--out", tmp_path / "demo")
+    command = ("demo", "--size", "14x17", "--jobs", "1", "--out", tmp_path / "demo")
     found = answer(capsys, *command)
     rows = found["single_pixel"]
     assert found["report"] == str(tmp_path / "demo" / "report.html")
