@@ -131,11 +131,11 @@ class ProblemAttributes(Attributes):
 def _units(given: Mapping[str, float | None]) -> Units | None:
     """Those of the samples, where there are any; DataError for some of them alone."""
     known = {name: value for name in _UNITS if (value := given.get(name)) is not None}
-    missing = [name for name in _UNITS[:3] if name not in known]
-    if len(missing) == 3:
+    missing = [name for name in _UNITS[:2] if name not in known]
+    if not known or (missing and set(known) <= {"spacing"}):
         return None
     if missing:
-        raise DataError("units", f"no {', '.join(missing)}", f"{', '.join(_UNITS[:3])}, or none of them")
+        raise DataError("units", f"no {' and no '.join(missing)}", f"{' and '.join(_UNITS[:2])}, or no units at all")
     return Units(**known)
 
 

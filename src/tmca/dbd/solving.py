@@ -12,6 +12,7 @@ import numpy as np
 
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
+from tmca.dbd.doubts import better_variant
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import (
@@ -32,8 +33,6 @@ METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
 _TOUCHES = (0.97, 0.99, 0.997, 0.999)
 """Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
-_LITTLE, _SIGMAS = 0.5, 5.0
-"""Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
 _CLARABEL_BYTES = 550.0
@@ -78,7 +77,8 @@ def solve(
 
     Warns:
         SameSignals, BeyondFreedom: problems that have no unique answer.
-        LittleExplained: a recovery that leaves half of the signal or more.
+        LittleExplained: a recovery that leaves half of the signal or more, or has nearly as many unknowns as there
+            are samples; or bases whose conjugate, or whose reverse in frequency, explains the samples better.
     """
     began = time.perf_counter()
     check_choice("method", method, METHODS)
@@ -98,18 +98,19 @@ def solve(
         _check_dual(problem, method, gram, solver)
         solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
     recovery = _recovery(problem, method, solution, certify, began)
-    _warn_of_little(problem, recovery.residual)
+    _warn_of_doubt(recovery)
     return recovery
 
 
-def _warn_of_little(problem: Problem, left: float) -> None:
-    """Warn of a relative residual beyond what is known to be noise, with half of all other energy in it or more."""
-    samples, power = problem.y.size, float(np.linalg.norm(problem.y)) ** 2
-    noise = (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
-    if left**2 > noise + _LITTLE * (1 - noise):
-        known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
-        line = f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
-        warnings.warn(f"{line}: are bases, messages and sigma those of y?", LittleExplained, stacklevel=3)
+def _warn_of_doubt(recovery: Recovery) -> None:
+    """One warning of samples that stay unexplained, with the bases that would explain them."""
+    problem = recovery.problem
+    meant = better_variant(problem, recovery.sources, recovery.residual, recovery.doubt is not None)
+    if meant or recovery.doubt:
+        count = sum(map(len, recovery))
+        line = recovery.doubt or f"{count} paths explain {1 - recovery.unexplained:.0%}, other bases need fewer"
+        remedy = meant or "are bases, messages and sigma those of y?"
+        warnings.warn(f"{line}{'; ' if meant else ': '}{remedy}", LittleExplained, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
