@@ -103,6 +103,8 @@ def solve(
     unknown_noise: bool = False,
     certify: On = True,
     figure: Path | None = None,
+    axes: str = "auto",
+    csv: Path | None = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -123,13 +125,19 @@ def solve(
         sigma: standard deviation of the noise, in place of the file's.
         unknown_noise: estimate the noise, whatever the file says.
         certify: look for a dual certificate of a noiseless recovery.
-        figure: picture of the delay-Doppler planes (PNG, PDF, SVG); the name of the recovery with .png without it.
+        figure: picture of the delay-Doppler planes (PNG, SVG, or PDF of the width of a column of a paper); the name
+            of the recovery with .png without it.
+        axes: of the picture: range (m and m/s), time (µs and kHz), normalised, or auto, the first that the file allows.
+        csv: table of targets and paths with standard deviations, comma-separated.
     """
     from dataclasses import replace
 
+    from tmca.data import write_text
     from tmca.dbd import solve as solved
     from tmca.dbd.files import load_problem, save_recovery
-    from tmca.dbd.tables import planes, recovery_lines, recovery_values
+    from tmca.dbd.paths import path_csv
+    from tmca.dbd.planes import check_axes, planes
+    from tmca.dbd.tables import recovery_lines, recovery_values
     from tmca.plots import save_figure
     from tmca.plots.dbd import Plane, planes_figure
 
@@ -137,7 +145,8 @@ def solve(
     out = out or file.with_suffix(".recovery.nc")
     figure = figure or out.with_suffix(".png")
     check_figure(figure, overwrite, file)
-    check_targets([out], overwrite, file)
+    check_targets([out, *([csv] if csv else [])], overwrite, file)
+    check_axes(axes, problem.units)
     if sigma is not None and unknown_noise:
         raise SettingError("--sigma", "--unknown-noise as well", "one of them")
     if sigma is not None or unknown_noise:
@@ -149,9 +158,13 @@ def solve(
             progress=progress,
         )  # fmt: skip
     save_recovery(recovery, out, overwrite=overwrite)
-    drawn = planes_figure([Plane(**plane) for plane in planes(recovery)])
+    line = f"{recovery.unexplained:.2%} of the samples' energy is unexplained"
+    drawn = planes_figure([Plane(**plane) for plane in planes(recovery, axes)], line, figure.suffix.lower() == ".pdf")
     save_figure(drawn, figure, overwrite=overwrite)
-    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {out} and {figure}")
+    if csv:
+        write_text(path_csv(recovery), csv, overwrite=overwrite)
+    written = ", ".join(str(one) for one in (out, csv) if one)
+    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {written} and {figure}")
 
 
 @app.command

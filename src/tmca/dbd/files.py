@@ -20,6 +20,7 @@ from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
+from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recovery import Recovery
 from tmca.dbd.simulation import carriers
 from tmca.errors import DataError, TmcaError
@@ -49,7 +50,7 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
 
 
 def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes paths, gains, waveforms, bounds and the dual variable; returns the path.
+    """Writes paths, gains, waveforms, bounds, the dual variable and the delay-Doppler planes; returns the path.
 
     Raises:
         OutputError: the file exists or cannot be written.
@@ -63,10 +64,24 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
         variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, about)
         if source.bounds is not None:
             variables[f"bounds_{index}"] = ((f"path_{index}", "axis"), source.bounds, about)
+    for index, (name, planes) in enumerate(delay_doppler_planes(recovery).items()):
+        for kind, plane in planes.items():
+            dims = [f"{dim}_{kind}_{index}" for dim in map(str, plane.dims)]
+            variables[f"{kind}_{index}"] = (dims, plane.values.astype(np.float32), _extents(plane) | {"source": name})
     about = {"kind": f"{KIND}: recovery", "method": recovery.method, "residual": recovery.residual}
     about |= {"exact": int(recovery.exact), "seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
     about |= {"certificate": recovery.certificate_status, "sigma": recovery.sigma}
+    about |= {"unexplained": recovery.unexplained, "doubt": recovery.doubt}
     return _written(variables, about, recovery.problem, path, overwrite)
+
+
+def _extents(plane: Any) -> dict[str, Any]:
+    """Where the axes of a plane begin and end, in every unit there is."""
+    extents = {}
+    for name, values in plane.coords.items():
+        step = float(values[1] - values[0])
+        extents[str(name)] = [float(values[0]), float(values[-1]) + step]
+    return extents
 
 
 def _parts(dimensions: Sequence[str], values: Complex, about: Mapping[str, Any] | None = None) -> tuple[Any, ...]:

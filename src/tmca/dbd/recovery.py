@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,7 +13,12 @@ from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
 from tmca.dbd.doubts import doubt
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
+from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -79,6 +85,16 @@ class Recovery:
     def score(self, problem: Problem | None = None, tolerance: float | None = None) -> Score:
         """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`score`."""
         return score(self.sources, problem or self.problem, tolerance)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every target and path, by name: delay, Doppler, gain, power and standard deviations (``…_std``,
+        Cramér–Rao bounds); in seconds and hertz, metres and metres a second where the problem has units.
+        """
+        return path_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The same along one dimension ``path``, with units, and the share that stays unexplained as an attribute."""
+        return path_dataset(self)
 
     @property
     def dopplers_hz(self) -> dict[str, Real]:
