@@ -7,7 +7,7 @@ import pytest
 
 from tmca.dbd import Units, simulate, solve
 from tmca.dbd.atoms import Atoms
-from tmca.dbd.tables import planes
+from tmca.dbd.planes import planes
 from tmca.plots.dbd import Plane, planes_figure
 
 

@@ -19,8 +19,8 @@ _LEVEL, _FLOOR = 0.98, -30.0
 """Share of the bound at which a black line is drawn, and decibels below the peak where a matched filter is darkest."""
 _COLUMN = 3.5
 """Inches of a column of a paper."""
-_VISIBLE = 0.06
-"""Share of an axis that the largest ellipse has at least, enlarged by a power of ten if need be."""
+_VISIBLE, _FACTORS = 0.06, (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""Share of an axis that the largest ellipse has at least, enlarged by one of these factors if need be."""
 Values = NDArray[np.floating[Any]]
 
 
@@ -141,7 +141,7 @@ def _finish(figure: Figure, axes: Any, images: Sequence[Any], line: str, look: _
 
 
 def _enlarged(planes: Sequence[Plane]) -> float:
-    """By which power of ten ellipses are drawn larger, for the largest one to be seen."""
+    """By which round number ellipses are drawn larger, for the largest one to be seen."""
     shares = [0.0]
     for plane in planes:
         for covariance in plane.covariances if plane.covariances is not None else ():
@@ -149,7 +149,8 @@ def _enlarged(planes: Sequence[Plane]) -> float:
             if np.all(np.isfinite(covariance)):
                 shares.append(float(np.max(2 * np.sqrt(np.diag(covariance)) / np.abs(spans))))
     largest = max(shares)
-    return 1.0 if largest <= 0 or largest >= _VISIBLE else 10.0 ** min(3, int(np.ceil(np.log10(_VISIBLE / largest))))
+    wanted = _VISIBLE / largest if largest > 0 else 1.0
+    return next((factor for factor in _FACTORS if factor >= wanted), _FACTORS[-1])
 
 
 def _draw_image(
