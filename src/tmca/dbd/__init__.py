@@ -53,7 +53,13 @@ _HOMES = {
     "separation": ("Separation", "joint_separation"),
     "simulation": ("BASES", "MESSAGES", "simulate"),
     "waveforms": (
-        "Chirp", "Ofdm", "Samples", "basis_from_waveform", "read_waveforms", "spectra_of_recording", "waveform_source",
+        "Chirp",
+        "Ofdm",
+        "Samples",
+        "basis_from_waveform",
+        "read_waveforms",
+        "spectra_of_recording",
+        "waveform_source",
     ),
     "solving": ("GRAMS", "METHODS", "solve"),
 }

@@ -17,7 +17,7 @@ _LITTLE, _SIGMAS = 0.5, 5.0
 """Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _CROWDED = 0.6
 """Unknowns for every real sample from which a fit that is not exact says nothing: any basis would fit as well."""
-_REMAINS, _NOISELESS, _MANY = 0.3, 0.01, 0.25
+_REMAINS, _NOISELESS, _MANY = 0.03, 0.01, 0.25
 """Unexplained shares, in noise and without, and unknowns for every real sample, from which variants are tried."""
 _TRIES, _LOWEST, _LARGE = 3, (0.95, 1.0), 1000
 """Variants that are tried, one in more samples than these; how high their matched filters are at least, in doubt and
@@ -25,8 +25,10 @@ without any.
 """
 _COARSE = 0.15
 """Noise, as a share of the samples' root mean square, that a trial may leave: it is quick where the basis is wrong."""
-_EXPLAINS = 0.9
-"""Share of the signal's energy that a variant has to explain before it is named."""
+_EXPLAINS, _MOST = 0.9, 0.4
+"""Share of the signal's energy that a variant has to explain before it is named, and its most unknowns for every real
+sample.
+"""
 _ROUNDING = 1e-18
 """Shares of energy below which numbers are rounding alone."""
 
@@ -61,8 +63,8 @@ def noise_share(problem: Problem) -> float:
     return (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
 
 
-def doubt(problem: Problem, channels: Sequence[Channel], left: float, exact: bool) -> str | None:
-    """Why paths do not explain the samples, or None.
+def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exact: bool) -> str | None:
+    """Why paths do not explain the samples, with the bases that would, in one sentence; None where they do.
 
     Args:
         problem: that was solved.
@@ -70,15 +72,29 @@ def doubt(problem: Problem, channels: Sequence[Channel], left: float, exact: boo
         left: relative residual.
         exact: whether that is an exact fit with fewer unknowns than samples.
     """
+    if exact:
+        return None
+    alone = _doubt(problem, channels, left)
+    meant = better_variant(problem, channels, left, alone is not None)
+    if meant:
+        count = sum(map(len, channels))
+        return f"{alone or f'{count} paths explain {1 - left**2:.0%}, other bases need fewer'}; {meant}"
+    return alone and f"{alone}: are bases, messages and sigma those of y?"
+
+
+def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
+    """Why paths do not explain the samples, or None."""
     noise = noise_share(problem)
     if left**2 > noise + _LITTLE * (1 - noise):
         known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
         return f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
-    if problem.sigma == 0 and not exact and left**2 > _NOISELESS:
+    if problem.sigma == 0 and left**2 > _NOISELESS:
         return f"the paths leave {left**2:.0%} of the energy of samples that are said to be without noise"
-    if not exact and unknowns(channels) > _CROWDED * 2 * problem.y.size:
+    if unknowns(channels) > _CROWDED * 2 * problem.y.size:
         count = sum(map(len, channels))
-        return f"{count} paths with {unknowns(channels)} unknowns fit {2 * problem.y.size} real samples: any basis would"
+        return (
+            f"{count} paths with {unknowns(channels)} unknowns fit {2 * problem.y.size} real samples: any basis would"
+        )
     return None
 
 
@@ -100,7 +116,8 @@ def better_variant(problem: Problem, channels: Sequence[Channel], left: float, d
         other = frank_wolfe(replace(problem, sources=meant.sources, sigma=coarse, truth=None)).channels
         remains = relative_residual(other, problem.y) ** 2
         criterion = _criterion(other, remains, problem)
-        if criterion < best[0] and remains <= noise + (1 - _EXPLAINS) * (1 - noise):
+        explains = remains <= noise + (1 - _EXPLAINS) * (1 - noise) and unknowns(other) <= _MOST * samples
+        if criterion < best[0] and explains:
             best = criterion, f"{meant.name} explains {1 - remains:.0%}: {meant.question}"
             if unknowns(other) <= _MANY * samples:
                 break

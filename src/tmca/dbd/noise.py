@@ -131,9 +131,7 @@ def _extended(channel: Channel, left: Complex) -> Channel:
 
 def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int | None] | None = None) -> list[Real]:
     """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source; see :func:`covariances`."""
-    return [
-        np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in covariances(channels, sigma, references)
-    ]
+    return [np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in covariances(channels, sigma, references)]
 
 
 def covariances(

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
-from tmca.dbd.doubts import doubt
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
 from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
@@ -36,6 +34,9 @@ class Recovery:
         q: ``(A, P, M)``, a dual variable whose polynomials show the paths.
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
+        doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
+            other energy is left, nearly as many unknowns as samples were needed, or another sign or order of the
+            bases explains the samples better.
     """
 
     problem: Problem = field(repr=False)
@@ -48,23 +49,17 @@ class Recovery:
     q: Complex = field(repr=False)
     seconds: float
     notes: tuple[str, ...] = ()
+    doubt: str | None = None
 
     @property
     def found(self) -> bool:
-        """Whether there is any path, and all together explain the samples; see :attr:`doubt`."""
+        """Whether there is any path, and all together explain the samples: without :attr:`doubt`."""
         return any(len(source) for source in self.sources) and self.doubt is None
 
     @property
     def unexplained(self) -> float:
         """Share of the samples' energy that the paths do not explain, 0 to 1, noise included."""
         return self.residual**2
-
-    @cached_property
-    def doubt(self) -> str | None:
-        """Why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
-        other energy is left, or nearly as many unknowns as samples were needed.
-        """
-        return doubt(self.problem, self.sources, self.residual, self.exact)
 
     @property
     def certified(self) -> bool | None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
-from tmca.dbd.doubts import better_variant
+from tmca.dbd.doubts import whole_doubt
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import (
@@ -98,19 +98,9 @@ def solve(
         _check_dual(problem, method, gram, solver)
         solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
     recovery = _recovery(problem, method, solution, certify, began)
-    _warn_of_doubt(recovery)
+    if recovery.doubt:
+        warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)
     return recovery
-
-
-def _warn_of_doubt(recovery: Recovery) -> None:
-    """One warning of samples that stay unexplained, with the bases that would explain them."""
-    problem = recovery.problem
-    meant = better_variant(problem, recovery.sources, recovery.residual, recovery.doubt is not None)
-    if meant or recovery.doubt:
-        count = sum(map(len, recovery))
-        line = recovery.doubt or f"{count} paths explain {1 - recovery.unexplained:.0%}, other bases need fewer"
-        remedy = meant or "are bases, messages and sigma those of y?"
-        warnings.warn(f"{line}{'; ' if meant else ': '}{remedy}", LittleExplained, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
@@ -208,5 +198,6 @@ def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, 
         pairs = zip(channels, bounds(channels, solution.sigma), strict=True)
         channels = [replace(one, bounds=one.atoms.full(deviations)) for one, deviations in pairs]
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
-    seconds = time.perf_counter() - began
-    return Recovery(problem, method, tuple(channels), left, exact, proof, solution.sigma, q, seconds, tuple(notes))
+    doubtful = whole_doubt(problem, channels, left, exact)
+    seconds, sigma = time.perf_counter() - began, solution.sigma
+    return Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, tuple(notes), doubtful)

@@ -125,7 +125,9 @@ def _cells(row: dict[str, Any], problem: Problem, relative: bool) -> dict[str, s
             bound, moves = row[f"{name}_std"], name in ("doppler", "doppler_hz", "velocity_m_s")
             quantity, comma, unit = heading.partition(",")
             spread = "" if bound is None else f" ± {bound * scale:{'.1e' if problem.units is None else '.2g'}}"
-            cells[quantity + " (relative)" * (relative and moves) + comma + unit] = f"{value * scale:.{digits}f}{spread}"
+            cells[quantity + " (relative)" * (relative and moves) + comma + unit] = (
+                f"{value * scale:.{digits}f}{spread}"
+            )
     gain = complex(row["gain_real"], row["gain_imag"])
     power = "" if row["power_db"] is None else f"{row['power_db']:.2f}"
     return cells | {"gain": f"{abs(gain):.3g} ∠ {np.rad2deg(np.angle(gain)):.0f}°", "power, dB": power}

@@ -71,7 +71,9 @@ def planes_figure(planes: Sequence[Plane], line: str = "", column: bool = False)
     columns = 2 if pairs else min(len(planes), 2)
     rows = len(planes) if pairs else -(-len(planes) // columns)
     look = _Look(6, 5.5, 0.5) if column else _Look()
-    figure = blank_figure(_COLUMN, 1.45 * rows + 0.45) if column else blank_figure(5.2 * columns + 0.8, 4.0 * rows + 0.6)
+    figure = (
+        blank_figure(_COLUMN, 1.45 * rows + 0.45) if column else blank_figure(5.2 * columns + 0.8, 4.0 * rows + 0.6)
+    )
     axes = figure.subplots(rows, columns, squeeze=False)
     places = [axes[row] for row in range(rows)] if pairs else [[axis] for axis in axes.reshape(-1)]
     top = max(1.0, *(float(plane.norms.max()) for plane in planes))
@@ -153,9 +155,7 @@ def _enlarged(planes: Sequence[Plane]) -> float:
     return next((factor for factor in _FACTORS if factor >= wanted), _FACTORS[-1])
 
 
-def _draw_image(
-    axis: Axes, plane: Plane, values: Values, span: tuple[float, float], factor: float, look: _Look
-) -> Any:
+def _draw_image(axis: Axes, plane: Plane, values: Values, span: tuple[float, float], factor: float, look: _Look) -> Any:
     from matplotlib.patheffects import withStroke
 
     x, y = plane.edges
