@@ -135,7 +135,7 @@ class _Meant(NamedTuple):
 def _meant(problem: Problem) -> list[_Meant]:
     """What else the bases may have been meant to be: the conjugates of some, or all at reversed frequencies."""
     names, several = [one.name for one in problem.sources], len(problem.sources) > 1
-    chosen = [(f" of {name}" if several else "", (name,)) for name in names]
+    chosen: list[tuple[str, tuple[str, ...]]] = [(f" of {name}" if several else "", (name,)) for name in names]
     tried = [(_VARIANTS[0], of, which) for of, which in chosen]
     if several:
         tried.append((_VARIANTS[0], " of all sources", tuple(names)))

@@ -46,7 +46,8 @@ def delay_doppler_planes(recovery: Recovery) -> dict[str, xr.Dataset]:
 
     planes = {}
     for index, channel in enumerate(recovery):
-        variables, coordinates = {}, {}
+        variables: dict[str, Any] = {}
+        coordinates: dict[str, Any] = {}
         for name, (values, axes) in (("matched_filter", matched_filter(recovery, index)),
                                      ("dual_polynomial", dual_polynomial(recovery, index))):  # fmt: skip
             dims = [AXES[axis] for axis in axes]

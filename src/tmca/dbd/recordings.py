@@ -25,7 +25,7 @@ _TYPES = {"f64": "f8", "f32": "f4", "i32": "i4", "i16": "i2", "i8": "i1", "u32":
 _MATLAB = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 
 
-class Recording(NamedTuple):
+class RecordedSamples(NamedTuple):
     """Samples and what their file says of them."""
 
     samples: Complex
@@ -50,7 +50,7 @@ class SigmfCapture(Attributes):
     frequency: float | None = Field(default=None, alias="core:frequency", gt=0)
 
 
-def read_recording(path: str | Path, variable: str | None = None) -> Recording:
+def read_recording(path: str | Path, variable: str | None = None) -> RecordedSamples:
     """Samples of a ``.npz``, ``.npy``, ``.mat`` or SigMF file.
 
     Args:
@@ -71,12 +71,12 @@ def read_recording(path: str | Path, variable: str | None = None) -> Recording:
         shape, dtype = heads[name]
         check_bytes(path, name, prod(shape) * dtype.itemsize)
         with whole_file(path, ".npz of plain arrays"), np.load(path, allow_pickle=False) as loaded:
-            return Recording(_samples(path, name, loaded[name]))
+            return RecordedSamples(_samples(path, name, loaded[name]))
     if path.suffix == ".npy":
         with whole_file(path, ".npy of plain numbers"):
-            return Recording(_samples(path, "array", np.load(path, allow_pickle=False, mmap_mode="r")))
+            return RecordedSamples(_samples(path, "array", np.load(path, allow_pickle=False, mmap_mode="r")))
     if path.suffix == ".mat":
-        return Recording(_matlab(path, variable))
+        return RecordedSamples(_matlab(path, variable))
     raise DataError(path, f"the suffix {path.suffix!r}", f".npz, .npy, .mat or {META}")
 
 
@@ -122,7 +122,7 @@ def _samples(path: Path, name: str, values: Any) -> Complex:
     return values.astype(np.complex128)
 
 
-def _sigmf(path: Path) -> Recording:
+def _sigmf(path: Path) -> RecordedSamples:
     """The first channel from the first segment on; whole numbers are shares of their full scale.
 
     See https://sigmf.org, version 1.2.
@@ -139,7 +139,7 @@ def _sigmf(path: Path) -> Recording:
     captures = parts.get("captures")
     first = attributes_of(SigmfCapture, _mapping(captures[0] if isinstance(captures, list) and captures else {}), meta)
     values = _raw(data, about.datatype, about.channels, first.header_bytes)[first.sample_start :]
-    return Recording(_samples(data, "samples", values), about.sample_rate, first.frequency)
+    return RecordedSamples(_samples(data, "samples", values), about.sample_rate, first.frequency)
 
 
 def _mapping(value: Any) -> dict[str, Any]:

@@ -111,7 +111,7 @@ class Ofdm:
 
 
 @dataclass(frozen=True)
-class Samples:
+class SampledWaveform:
     """Samples of a pulse in a file: ``.npz``, ``.mat``, or SigMF (``.sigmf-meta`` beside ``.sigmf-data``).
 
     Args:
@@ -146,8 +146,10 @@ class Samples:
         return basis_from_waveform(samples, frequencies, delay_s, rate, self.start_s)
 
 
-Waveform = Chirp | Ofdm | Samples
-KINDS: Mapping[str, type[Chirp] | type[Ofdm] | type[Samples]] = {one.kind: one for one in (Chirp, Ofdm, Samples)}
+Waveform = Chirp | Ofdm | SampledWaveform
+KINDS: Mapping[str, type[Chirp] | type[Ofdm] | type[SampledWaveform]] = {
+    one.kind: one for one in (Chirp, Ofdm, SampledWaveform)
+}
 
 
 def basis_from_waveform(
@@ -295,8 +297,8 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
             raise SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
         place, known = ".".join(map(str, first["loc"])), ", ".join(made.__dataclass_fields__)
         raise SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}") from error
-    if isinstance(waveform, Samples):
-        return Samples(folder / waveform.file, *list(vars(waveform).values())[1:])
+    if isinstance(waveform, SampledWaveform):
+        return SampledWaveform(folder / waveform.file, *list(vars(waveform).values())[1:])
     return waveform
 
 

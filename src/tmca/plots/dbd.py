@@ -136,8 +136,8 @@ def _finish(figure: Figure, axes: Any, images: Sequence[Any], line: str, look: _
     handles: dict[str, Any] = {}
     for axis in left:
         handles |= {name: handle for handle, name in zip(*axis.get_legend_handles_labels(), strict=True)}
-    place = {"loc": "outside lower center", "ncols": 4, "fontsize": look.small, "frameon": False}
-    figure.legend(handles.values(), handles.keys(), **place)
+    where: dict[str, Any] = {"loc": "outside lower center", "ncols": 4, "fontsize": look.small, "frameon": False}
+    figure.legend(handles.values(), handles.keys(), **where)
     if line:
         figure.suptitle(line, fontsize=look.title)
 
