@@ -133,7 +133,8 @@ def solve(
         axes: of the picture: range (m and m/s), time (µs and kHz), normalised, or auto, the first that the file allows.
         waveform: basis of a source from a waveform in time, instead of the file's; may be repeated.
             NAME=KIND:SETTING=VALUE,… such as radar=chirp:bandwidth=8e6,duration=1e-6 or
-            communications=ofdm:subcarriers=13,unknowns=3 or radar=samples:file=pulse.sigmf-meta; or a YAML file of such. FILE has to have delay_s and doppler_hz.
+            communications=ofdm:subcarriers=13,unknowns=3 or radar=samples:file=pulse.sigmf-meta;
+            or a YAML file of such. FILE has to have delay_s and doppler_hz.
         csv: table of targets and paths with standard deviations, comma-separated.
     """
     from dataclasses import replace
