@@ -68,9 +68,9 @@ _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 __all__ = [
     "BASES", "GRAMS", "MESSAGES", "METHODS", "Channel", "Chirp", "Ofdm", "Path", "Problem", "Recovery",
     "SampledWaveform", "Scenario", "Score", "Separation", "Source", "Target", "Truth", "Units",
-    "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation", "load_problem", "read_recording",
-    "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score", "simulate", "solve", "spectra_of_recording",
-    "true_bounds", "waveform_source",
+    "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation", "load_problem",
+    "read_recording", "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score", "simulate",
+    "solve", "spectra_of_recording", "true_bounds", "waveform_source",
 ]  # fmt: skip
 
 
