@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
+from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,9 @@ class Recovery:
         q: ``(A, P, M)``, a dual variable whose polynomials show the paths.
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
+        doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
+            other energy is left, nearly as many unknowns as samples were needed, or another sign or order of the
+            bases explains the samples better.
     """
 
     problem: Problem = field(repr=False)
@@ -40,11 +49,17 @@ class Recovery:
     q: Complex = field(repr=False)
     seconds: float
     notes: tuple[str, ...] = ()
+    doubt: str | None = None
 
     @property
     def found(self) -> bool:
-        """Whether there is any path."""
-        return any(len(source) for source in self.sources)
+        """Whether there is any path, and all together explain the samples: without :attr:`doubt`."""
+        return any(len(source) for source in self.sources) and self.doubt is None
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the samples' energy that the paths do not explain, 0 to 1, noise included."""
+        return self.residual**2
 
     @property
     def certified(self) -> bool | None:
@@ -65,6 +80,16 @@ class Recovery:
     def score(self, problem: Problem | None = None, tolerance: float | None = None) -> Score:
         """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`score`."""
         return score(self.sources, problem or self.problem, tolerance)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every target and path, by name: delay, Doppler, gain, power and standard deviations (``…_std``,
+        Cramér–Rao bounds); in seconds and hertz, metres and metres a second where the problem has units.
+        """
+        return path_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The same along one dimension ``path``, with units, and the share that stays unexplained as an attribute."""
+        return path_dataset(self)
 
     @property
     def dopplers_hz(self) -> dict[str, Real]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
+from tmca.dbd.doubts import whole_doubt
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import (
@@ -32,8 +33,6 @@ METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
 _TOUCHES = (0.97, 0.99, 0.997, 0.999)
 """Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
-_LITTLE, _SIGMAS = 0.5, 5.0
-"""Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
 _CLARABEL_BYTES = 550.0
@@ -78,7 +77,8 @@ def solve(
 
     Warns:
         SameSignals, BeyondFreedom: problems that have no unique answer.
-        LittleExplained: a recovery that leaves half of the signal or more.
+        LittleExplained: a recovery that leaves half of the signal or more, or has nearly as many unknowns as there
+            are samples; or bases whose conjugate, or whose reverse in frequency, explains the samples better.
     """
     began = time.perf_counter()
     check_choice("method", method, METHODS)
@@ -98,18 +98,9 @@ def solve(
         _check_dual(problem, method, gram, solver)
         solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
     recovery = _recovery(problem, method, solution, certify, began)
-    _warn_of_little(problem, recovery.residual)
+    if recovery.doubt:
+        warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)
     return recovery
-
-
-def _warn_of_little(problem: Problem, left: float) -> None:
-    """Warn of a relative residual beyond what is known to be noise, with half of all other energy in it or more."""
-    samples, power = problem.y.size, float(np.linalg.norm(problem.y)) ** 2
-    noise = (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
-    if left**2 > noise + _LITTLE * (1 - noise):
-        known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
-        line = f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
-        warnings.warn(f"{line}: are bases, messages and sigma those of y?", LittleExplained, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
@@ -207,5 +198,6 @@ def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, 
         pairs = zip(channels, bounds(channels, solution.sigma), strict=True)
         channels = [replace(one, bounds=one.atoms.full(deviations)) for one, deviations in pairs]
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
-    seconds = time.perf_counter() - began
-    return Recovery(problem, method, tuple(channels), left, exact, proof, solution.sigma, q, seconds, tuple(notes))
+    doubtful = whole_doubt(problem, channels, left, exact)
+    seconds, sigma = time.perf_counter() - began, solution.sigma
+    return Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, tuple(notes), doubtful)

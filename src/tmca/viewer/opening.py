@@ -23,6 +23,7 @@ from tmca.viewer.cubes import cube_item
 from tmca.viewer.depths import rgbd_item, with_depth
 from tmca.viewer.items import Item
 from tmca.viewer.light_fields import light_field_item
+from tmca.viewer.planes import holds_planes, plane_items
 from tmca.viewer.snapshots import export_item, snapshot_items
 
 _VIEWS = 5
@@ -79,6 +80,8 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
     """The items of an open file, by what it holds."""
     if holds_snapshot({*contents.arrays, *_coordinates(contents)}) and variable is None:
         return snapshot_items(Snapshot.load(contents.path), title, **about)
+    if variable is None and holds_planes(contents):
+        return plane_items(contents, title, **about)
     views = find_light_field(contents, variable)
     if views is not None:
         return [light_field_item(contents, views, title, **about)]
