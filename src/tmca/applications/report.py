@@ -69,5 +69,5 @@ def _embedded(figure: Figure | Path) -> tuple[str, str]:
     if isinstance(figure, Path):
         return "image/gif", base64.b64encode(figure.read_bytes()).decode()
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=110, format="png", facecolor="white")
+    figure.savefig(buffer, dpi=max(figure.dpi, 110), format="png", facecolor="white")
     return "image/png", base64.b64encode(buffer.getvalue()).decode()

@@ -21,7 +21,7 @@ COMMANDS = {
     "train": ("train:app", "Learn a camera's codes and its decoder together, or fine-tune on captures."),
     "compare": ("compare:app", "A table of codes, noises and decoders over a list of test scenes."),
     "sweep": ("sweep:app", "Every combination of some settings, over test scenes."),
-    "study": ("study:study", "Codes, noises, decoders and seeds of a YAML file: a comparison of your own."),
+    "study": ("study:study", "Your scenes, sensor, codes and decoders in one comparison: table, figure, page."),
     "design": ("design:app", "Find codes for a sensor, and say what they gain before anything is built."),
     "export": ("lab.export:app", "Codes as files that devices show: DMD, LCoS, deformable mirror, shutter."),
     "capture": ("lab.capture:app", "Show an export on a bench, simulated or real, and join frames into a snapshot."),
