@@ -58,9 +58,8 @@ def study(
         work: folder of priors, codes, trainings and finished cells. [default: cells in --out; runs/study-NAME for a YAML
             file]
     """
-    from tmca.evaluation.paper import summary
+    from tmca.evaluation.grid import CellsFailed
     from tmca.evaluation.run import run_study
-    from tmca.evaluation.tables import markdown_table
 
     described = len(scenes) == 1 and Path(scenes[0]).suffix in _YAML
     given = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands, "reading": reading}
@@ -71,13 +70,26 @@ def study(
         asked = _own(scenes, decoders, seeds, given)
         out = out or Path(f"{asked.name}-study")
         work = work or out / "cells"
-    found = run_study(asked, out, work, progress=cell_done, **grid.how())
-    if described:
-        say(found, grid.json, (out / f"{asked.name}.md").read_text().rstrip())
+    try:
+        found = run_study(asked, out, work, progress=cell_done, **grid.how())
+    except CellsFailed as failed:
+        if failed.results is not None:
+            _tell(asked, failed.results, out, grid.json, page=described)
+        raise
+    _tell(asked, found, out, grid.json, page=described)
+
+
+def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool) -> None:
+    """The whole page, or the table that people read first and where the rest is."""
+    from tmca.evaluation.paper import summary
+    from tmca.evaluation.tables import markdown_table
+
+    if page:
+        say(found, json, (out / f"{asked.name}.md").read_text().rstrip())
         return
     names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md and .json"
     open_first = f"open {out / asked.name}.html; beside it {names}"
-    say(found, grid.json, markdown_table(*summary(asked, found)), open_first)
+    say(found, json, markdown_table(*summary(asked, found)), open_first)
 
 
 def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

@@ -41,7 +41,12 @@ Timed = Callable[[int, int, str, float], None]
 
 
 class CellsFailed(TmcaError):
-    """Some cells of a grid could not be computed; the results of the others stay on disk."""
+    """Some cells of a grid could not be computed; the results of the others stay on disk.
+
+    ``results`` is what a study made of them, None where there was nothing.
+    """
+
+    results: Measured | None = None
 
 
 class DamagedCell(UserWarning):

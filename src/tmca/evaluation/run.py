@@ -13,7 +13,7 @@ from tmca.decoders import decoders
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
-from tmca.evaluation.grid import Grid, Measured, Settings, Timed
+from tmca.evaluation.grid import CellsFailed, Grid, Measured, Settings, Timed
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
@@ -86,7 +86,11 @@ def run_study(
         write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
         write_paper(study, found, measured, out, overwrite)
-        grid.check()
+        try:
+            grid.check()
+        except CellsFailed as failed:
+            failed.results = found
+            raise
     return found
 
 

@@ -22,6 +22,10 @@ _LOADED: dict[str, None] = {}
 """What was loaded in this process, as it was named."""
 
 
+_FILES: dict[type[Any], Path] = {}
+"""Files of the classes of one's own."""
+
+
 class ExportedDecoder(Decoder):
     """A program of `torch.export` that makes a scene of a snapshot; operators that are not on a list are refused.
 
@@ -85,6 +89,11 @@ def loaded() -> Sequence[str]:
     return tuple(_LOADED)
 
 
+def file_of(cls: type[Any]) -> Path | None:
+    """The file that a class of one's own was loaded from; None of other classes."""
+    return _FILES.get(cls)
+
+
 def _own(text: str, where: str) -> type[Decoder]:
     """A class of a file; its name is that of the class, and it is for all cameras, where it does not say."""
     cls = class_from_file(text, Decoder, where)
@@ -92,6 +101,7 @@ def _own(text: str, where: str) -> type[Decoder]:
         if not hasattr(cls, part):
             setattr(cls, part, usual)
     register(cls)
+    _FILES[cls] = Path(text.rpartition(":")[0]).expanduser().resolve()
     return cls
 
 
