@@ -66,7 +66,7 @@ def evaluate(
         found[file], metrics[file] = one, one.metrics | one.application.geometry(one.estimate, one.truth)
     if figure is not None:
         drawn = found[files[0]].figure(estimate.stem) if len(files) == 1 else _together(found)
-        save_figure(drawn, figure, overwrite=overwrite)
+        save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
     if len(files) == 1:
         own = metrics[files[0]]
         say(own, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()))

@@ -4,7 +4,7 @@ trained, what is measured and drawn beside its metrics."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -245,7 +245,8 @@ class CameraEvaluation:
         period = list(tile_of(study.search.get("period")) or study.tile())
         about = {"kind": code.search.kind, "slots": code.search.slots, "period": period}
         return {**about, **self.searching(study.reading), "effort": study.search["effort"],
-                "examples": lists.priors[EXAMPLES], "gains": study.search.get("gains", True)}  # fmt: skip
+                "examples": lists.priors[EXAMPLES], "gains": True,
+                **{name: study.search[name] for name in ("gains", "static") if name in study.search}}  # fmt: skip
 
     def searching(self, reading: Settings) -> Settings:
         """What searches of codes take from how scenes are read."""
@@ -294,11 +295,7 @@ class CameraEvaluation:
     def coded(self, codes: str, parts: Settings) -> Settings:
         """Arguments of the camera that shows the codes of a file, or of a snapshot. Those of a whole frame repeat, at
         another size than their own."""
-        shown = read_codes(codes)
-        frame, size = (int(shown.aperture.shape[-2]), int(shown.aperture.shape[-1])), parts.get("size")
-        if shown.period is None and size is not None and frame != tuple(size):
-            shown = replace(shown, shutter=shown.shutter[..., : frame[0], : frame[1]], period=frame)
-        return shown.settings()
+        return read_codes(codes).at(parts.get("size")).settings()
 
     # steps
 
@@ -309,7 +306,8 @@ class CameraEvaluation:
 
         scenes = {name: self.load(name, cell["reading"]) for name in cell["scenes"]}
         if cell["prior_kind"] == EXAMPLES:
-            learn_examples_of({short: scenes[name] for name, short in short_names([*scenes]).items()}, path)  # type: ignore[misc]
+            named: Any = {short: scenes[name] for name, short in short_names([*scenes]).items()}
+            learn_examples_of(named, path, cell["settings"].get("most"))
             return path
         file = path.with_suffix(".nc")
         learn_prior([*scenes.values()], None, cell["prior_kind"], **cell["settings"]).save(file, overwrite=True)

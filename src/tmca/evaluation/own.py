@@ -29,14 +29,14 @@ _USUAL = {
 _OF_SCENE = ("size", "bands", "views")
 _SEARCH: dict[str, Settings] = {
     "spectral-depth": {"effort": {"starts": 1, "steps": 20, "rate": 0.003}},
-    "": {"period": [16, 16], "effort": {"descents": 2, "steps": 60, "flips": 600}, "gains": False},
+    "": {"period": [16, 16], "effort": {"descents": 3, "steps": 20, "flips": 200}, "gains": False, "static": 1},
 }
 """A short search, of phase masks and of other codes."""
 _DESIGN: dict[str, Settings] = {
     "spectral-depth": {
         "camera": {"slots": 4, "shutter": "one-hot", "mask": "zernike", "filters": "gaussian"}, "search": {},
     },
-    "": {"camera": {"slots": 4}, "search": {"kind": "one-hot", "slots": 4}},
+    "": {"camera": {"slots": 4}, "search": {"kind": "free", "slots": 4}},
 }  # fmt: skip
 _VIEWS = (270, 480)
 """Most rows and columns of a light field that are measured where no crop is asked for."""

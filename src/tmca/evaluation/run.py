@@ -115,6 +115,8 @@ def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
 Files = Mapping[tuple[str, str, int], str]
 """Files of searched codes by code, noise and seed of the row."""
 Need = tuple[str, str, int]
+_EXAMPLE = 256
+"""Pixels of a side of rendered scenes that codes are searched for, at most."""
 
 
 class Plan:
@@ -158,7 +160,7 @@ class Plan:
         return LearnedPrior(
             name=kind if kind == EXAMPLES else f"{kind} prior", camera=self.study.camera, prior_kind=kind,
             scenes=tuple(scenes), identities=tuple(identity_of(name) or name for name in scenes), reading=self.reading,
-            settings={} if kind == EXAMPLES else self._prior_settings(kind),
+            settings=({} if self.train else {"most": _EXAMPLE}) if kind == EXAMPLES else self._prior_settings(kind),
         )  # fmt: skip
 
     def _prior_settings(self, kind: str) -> Settings:

@@ -22,6 +22,8 @@ _INCH, _LINE, _LETTER = 25.4, 3.1, 1.32
 """Millimetres of an inch, of a line of text, and of a letter."""
 _GAP, _NAMES, _CURVES, _AXIS = 1.0, 4.2, 27.0, 11.0
 """Millimetres between pictures, beside them for the names of rows, of curves and of the numbers at their axes."""
+_NARROWEST, _TICK = 40.0, 12.0
+"""Millimetres of curves at least, and between the numbers below them."""
 _WIDE, _MOST = 3, 6
 """Pictures beside each other in a column, and in a page."""
 _LINES = ("#00798c", "#d1495b", "#edae49", "#66a182", "#8d6a9f", "#8c564b", "#17becf", "#7f7f7f")
@@ -237,8 +239,9 @@ class _Sheet:
 
     def _curves(self, top: float) -> None:
         """Curves side by side, and one legend for all."""
-        each = self.width / len(self.panels.curves)
-        for number, curves in enumerate(self.panels.curves):
+        shown = self.panels.curves[: int(self.width / _NARROWEST)]
+        each = self.width / len(shown)
+        for number, curves in enumerate(shown):
             axis = self.axes(number * each + _AXIS, top, each - _AXIS - 2.5, _CURVES)
             for place, (name, values) in enumerate(curves.lines.items()):
                 look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": 0.9}
@@ -249,7 +252,8 @@ class _Sheet:
             if number == 0:
                 axis.set_ylabel(curves.labels[1], fontsize=POINTS, labelpad=1)
             axis.tick_params(labelsize=POINTS, length=2, width=0.5, pad=1.5)
-            axis.locator_params(nbins=4)
+            axis.locator_params(axis="x", nbins=max(2, int(each / _TICK)))
+            axis.locator_params(axis="y", nbins=4)
         handles, names = axis.get_legend_handles_labels()
         how = {"ncols": self._legend_columns(), "fontsize": POINTS, "frameon": False, "loc": "lower center"}
         spaces = {"borderpad": 0.2, "labelspacing": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
@@ -270,4 +274,5 @@ def _mark(axis: Axes, row: int, column: int, name: str) -> None:
     axis.plot(column, row, "o", markersize=2.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.5)
     box = {"facecolor": "black", "alpha": 0.45, "edgecolor": "none", "pad": 0.4}
     how = {"textcoords": "offset points", "fontsize": POINTS, "color": "white", "bbox": box}
-    axis.annotate(name, (column, row), xytext=(3, 1.5), **how)
+    at_edge = column > 0.85 * axis.get_xlim()[1]
+    axis.annotate(name, (column, row), xytext=(-3, 1.5) if at_edge else (3, 1.5), ha="right" if at_edge else "left", **how)

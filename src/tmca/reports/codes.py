@@ -33,6 +33,7 @@ from tmca.design import (
     measures,
 )
 from tmca.errors import DataError
+from tmca.design.advice import WITHIN
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
@@ -100,6 +101,7 @@ def search_codes(
     effort: Effort | None = None,
     throughput: float | None = None,
     light: float | None = None,
+    within: float = WITHIN,
     seed: int = 0,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -120,6 +122,7 @@ def search_codes(
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
         light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
+        within: see ``tmca.design.advise``.
         seed: of random codes.
         overwrite: replace files that exist.
         progress: called with the share that is done and what is done.
@@ -142,7 +145,7 @@ def search_codes(
     examples = learned.examples if light is None else learned.examples.under(light)
     advice = advise(
         examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
-        seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
+        within=within, seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
     )  # fmt: skip
     make_folder(out)
     record = _described(advice, examples, learned.examples.light, period, command)
@@ -161,7 +164,7 @@ def _described(
     light = measures(best.design.camera)
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
-        "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
+        "multiplex": advice.multiplex, "more_slots": advice.more_slots, "within": advice.within, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.kind, "buckets": best.design.camera.buckets, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
