@@ -73,7 +73,7 @@ def run_study(
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     with held_folder(work):
-        computing = partial(compute, folder=str(work), device=device, files=loaded())
+        computing = partial(compute, folder=str(work), device=device, files=loaded(study.decoders))
         grid = Grid(computing, work, jobs, cluster, progress)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)

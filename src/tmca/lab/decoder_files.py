@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,14 +12,14 @@ from torch import Tensor
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.decoders import Decoder
 from tmca.decoders.decoder import Progress
-from tmca.decoders.registry import register
+from tmca.decoders.registry import DECODERS, register
 from tmca.errors import SettingError
 from tmca.lab.checked_graph import CheckedProgram, load_program
 from tmca.lab.deploy import DESCRIPTION, Description, check_camera, read_description
 from tmca.plugins import class_from_file, names_a_file
 
-_LOADED: dict[str, None] = {}
-"""What was loaded in this process, as it was named."""
+_LOADED: dict[str, str] = {}
+"""Name of a decoder that was loaded in this process → how it was named, with the whole path."""
 
 
 _FILES: dict[type[Any], Path] = {}
@@ -67,7 +67,8 @@ def decoder_named(text: str, where: str = "decoder") -> str:
     if not is_file(text):
         return text
     cls = _own(text, where) if names_a_file(text) else _exported(Path(text), where)
-    _LOADED[text] = None
+    path, colon, own = text.partition(".py:")
+    _LOADED[cls.name] = f"{Path(f'{path}.py' if colon else path).expanduser().resolve()}{colon[3:]}{own}"
     return str(cls.name)
 
 
@@ -84,9 +85,9 @@ def decoders_named(texts: str, where: str = "decoders") -> list[str]:
     return names
 
 
-def loaded() -> Sequence[str]:
-    """What ``decoder_named`` loaded in this process, for others that are to have the same decoders."""
-    return tuple(_LOADED)
+def loaded(names: Iterable[str]) -> tuple[str, ...]:
+    """Of decoders by their names, how those of files are named, for processes that are to load them too."""
+    return tuple(_LOADED[name] for name in names if name in _LOADED)
 
 
 def file_of(cls: type[Any]) -> Path | None:
@@ -100,6 +101,8 @@ def _own(text: str, where: str) -> type[Decoder]:
     for part, usual in (("name", cls.__name__), ("label", getattr(cls, "name", cls.__name__)), ("cameras", _all())):
         if not hasattr(cls, part):
             setattr(cls, part, usual)
+    if DECODERS.get(cls.name) in _FILES:  # of another file, that was named before
+        DECODERS.pop(cls.name)
     register(cls)
     _FILES[cls] = Path(text.rpartition(":")[0]).expanduser().resolve()
     return cls

@@ -132,6 +132,7 @@ class _Sheet:
         self.panels, self.first = panels, int(bool(panels.truth))
         most = len(panels.columns) + self.first
         self.width = COLUMN if most <= _WIDE else PAGE
+        self.curves = panels.curves[: int(self.width / _NARROWEST)]
         held = (_WIDE if most <= _WIDE else _MOST) - self.first
         each = -(-len(panels.columns) // -(-len(panels.columns) // held))
         self.blocks = [panels.columns[first : first + each] for first in range(0, len(panels.columns), each)]
@@ -207,7 +208,7 @@ class _Sheet:
             else:
                 axis.imshow(np.clip(picture.values, 0, 1), interpolation="nearest", aspect="auto")
             axis.set_axis_off()
-            for (row, column), mark in zip(picture.marks, "123456789", strict=False):
+            for (row, column), mark in zip(picture.marks[: len(self.curves)], "123456789", strict=False):
                 _mark(axis, row, column, mark)
             if picture.text:
                 place = {"ha": "left", "va": "top", "transform": axis.transAxes}
@@ -239,9 +240,8 @@ class _Sheet:
 
     def _curves(self, top: float) -> None:
         """Curves side by side, and one legend for all."""
-        shown = self.panels.curves[: int(self.width / _NARROWEST)]
-        each = self.width / len(shown)
-        for number, curves in enumerate(shown):
+        each = self.width / len(self.curves)
+        for number, curves in enumerate(self.curves):
             axis = self.axes(number * each + _AXIS, top, each - _AXIS - 2.5, _CURVES)
             for place, (name, values) in enumerate(curves.lines.items()):
                 look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": 0.9}

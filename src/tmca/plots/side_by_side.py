@@ -144,7 +144,12 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 
 def _level(values: np.ndarray, truth: np.ndarray | None) -> str:
-    return "" if truth is None else f"{psnr(values, truth):.1f} dB"
+    return "" if truth is None else f"{psnr(*_flat(values, truth)):.1f} dB"
+
+
+def _flat(*several: np.ndarray) -> list[np.ndarray]:
+    """All bands or views on one axis."""
+    return [values.reshape(-1, *values.shape[-2:]) for values in several]
 
 
 class _Errors:
