@@ -1,4 +1,4 @@
-"""Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures that are told."""
+"""Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures."""
 
 import json
 

@@ -42,9 +42,7 @@ def texts(figure):
     return [(one, one.get_window_extent(canvas.get_renderer())) for one in shown]
 
 
-@pytest.mark.parametrize(
-    ("codes", "decoders", "width"), [(1, 1, COLUMN), (2, 2, COLUMN), (4, 2, PAGE), (7, 1, PAGE)]
-)
+@pytest.mark.parametrize(("codes", "decoders", "width"), [(1, 1, COLUMN), (2, 2, COLUMN), (4, 2, PAGE), (7, 1, PAGE)])
 def test_texts_are_legible_and_keep_clear_of_each_other(codes, decoders, width):
     figure = side_by_side(cubes(codes, decoders), cube(99)["estimate"])
     assert figure.get_figwidth() * 25.4 == pytest.approx(width)
@@ -81,7 +79,10 @@ def test_views_depth_and_other_scenes_are_drawn_too(known):
     rng = np.random.default_rng(0)
     field = xr.Dataset({"estimate": (("view_v", "view_u", "y", "x"), rng.random((3, 3, 20, 24)))})
     depth = xr.Dataset(
-        {"radiance": (("wavelength", "y", "x"), rng.random((5, 20, 24))), "depth": (("y", "x"), rng.random((20, 24)) + 1)},
+        {
+            "radiance": (("wavelength", "y", "x"), rng.random((5, 20, 24))),
+            "depth": (("y", "x"), rng.random((20, 24)) + 1),
+        },
         coords={"wavelength": WAVES},
     )
     other = xr.Dataset({"estimate": (("y", "x"), rng.random((20, 24)))})

@@ -97,7 +97,9 @@ def _together(found: dict[str, Evaluation]) -> Figure:
         said = ", ".join(f"{Path(file).name} {shape}" for file, shape in shapes.items())
         raise SettingError("figure", f"estimates of several shapes: {said}", "one", "leave the figure out")
     names = _short([*found])
-    return side_by_side({(names[file], ""): one.estimate for file, one in found.items()}, next(iter(found.values())).truth)
+    return side_by_side(
+        {(names[file], ""): one.estimate for file, one in found.items()}, next(iter(found.values())).truth
+    )
 
 
 def _shape(one: Evaluation) -> tuple[int, ...]:

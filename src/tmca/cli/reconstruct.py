@@ -202,9 +202,7 @@ class _Job:
         estimate.notes |= metric_notes(metrics)
         written = [estimate.save(target, overwrite=output.overwrite)]
         if output.figures:
-            written += estimate_pictures(
-                estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite
-            )
+            written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite)
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         return _Done(estimate.to_xarray(), scene, report)

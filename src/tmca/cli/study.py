@@ -38,13 +38,13 @@ def study(
     """Compare codes and decoders on SCENES of your own, under your sensor: a table, a figure for a paper, a page.
 
     `tmca study my.mat --sensor sensor.yaml --codes cassi,one-hot,designed --decoders lmmse,mixture`; or `tmca study
-    FILE.yaml`, which describes any comparison (docs/studies.md). Writes NAME.csv, NAME.md, NAME.json, NAME.pdf, NAME.png
-    and NAME.html for the first scene's NAME. Finished cells stay in --work: a run that was stopped resumes.
+    FILE.yaml`, which describes any comparison (docs/studies.md). Writes NAME.csv, NAME.md, NAME.json, NAME.pdf,
+    NAME.png and NAME.html for the first scene's NAME. Finished cells stay in --work: a run that was stopped resumes.
 
     Args:
         scenes: files, folders or names of rendered scenes that are measured; or one YAML file.
-        sensor: YAML file with arguments of the sensor, such as full_well: 10000; or with several sensors by their names.
-            An ideal one without it.
+        sensor: YAML file with arguments of the sensor, such as full_well: 10000; or with several sensors by their
+            names. An ideal one without it.
         codes: separated by commas: presets of `tmca simulate` (cassi, one-hot, two-bucket, …), designed (a short search
             for this sensor), or files of codes or snapshots. [default: the usual ones of the camera]
         decoders: separated by commas: names that `tmca decoders` lists, your own as FILE.py:Class, or FILE.pt2 of `tmca
@@ -55,8 +55,8 @@ def study(
         seeds: how many draws of codes and noise. [default: 1]
         reading: NAME=VALUE, further entries of the study's reading (docs/studies.md); may be given several times.
         out: folder of the results. [default: NAME-study; results for a YAML file]
-        work: folder of priors, codes, trainings and finished cells. [default: cells in --out; runs/study-NAME for a YAML
-            file]
+        work: folder of priors, codes, trainings and finished cells. [default: cells in --out; runs/study-NAME for a
+            YAML file]
     """
     from tmca.evaluation.grid import CellsFailed
     from tmca.evaluation.run import run_study

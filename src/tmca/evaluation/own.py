@@ -1,4 +1,4 @@
-"""A study of one's own scenes, sensor, codes and decoders, described by names and files alone: what a YAML would say."""
+"""A study of one's own scenes, sensor, codes and decoders, described by names and files: what a YAML would say."""
 
 from __future__ import annotations
 

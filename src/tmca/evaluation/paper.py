@@ -99,7 +99,6 @@ def _said(sensor: dict[str, Any]) -> str:
     return ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in sensor.items()) or "without noise"
 
 
-
 def _how(found: Row) -> list[Section]:
     """How to come by it again."""
     called = f"Command: {found['command']}" if found["command"] else "Called from Python."

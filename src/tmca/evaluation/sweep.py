@@ -101,7 +101,9 @@ def run_sweep(
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
     with held_folder(work):
-        computing = partial(compute, folder=str(work), device=device, files=loaded({str(point["decoder"]) for point in points}))
+        computing = partial(
+            compute, folder=str(work), device=device, files=loaded({str(point["decoder"]) for point in points})
+        )
         grid = Grid(computing, work, jobs, cluster, progress)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])

@@ -275,4 +275,6 @@ def _mark(axis: Axes, row: int, column: int, name: str) -> None:
     box = {"facecolor": "black", "alpha": 0.45, "edgecolor": "none", "pad": 0.4}
     how = {"textcoords": "offset points", "fontsize": POINTS, "color": "white", "bbox": box}
     at_edge = column > 0.85 * axis.get_xlim()[1]
-    axis.annotate(name, (column, row), xytext=(-3, 1.5) if at_edge else (3, 1.5), ha="right" if at_edge else "left", **how)
+    axis.annotate(
+        name, (column, row), xytext=(-3, 1.5) if at_edge else (3, 1.5), ha="right" if at_edge else "left", **how
+    )

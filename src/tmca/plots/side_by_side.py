@@ -116,9 +116,7 @@ def _with_depth(estimates: Mapping[Name, xr.Dataset], truth: Any, about: Mapping
     return Panels(drawn, real, scales, panels.curves)
 
 
-def _ends(
-    depths: Mapping[Name, np.ndarray], truth: np.ndarray | None, about: Mapping[str, Any]
-) -> tuple[float, float]:
+def _ends(depths: Mapping[Name, np.ndarray], truth: np.ndarray | None, about: Mapping[str, Any]) -> tuple[float, float]:
     """Nearest and farthest depth that is shown: those of the camera's planes, or of the maps."""
     if "depth_planes" in about:
         planes = json.loads(about["depth_planes"])

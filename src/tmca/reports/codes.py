@@ -32,8 +32,8 @@ from tmca.design import (
     decibels,
     measures,
 )
-from tmca.errors import DataError
 from tmca.design.advice import WITHIN
+from tmca.errors import DataError
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
@@ -164,7 +164,8 @@ def _described(
     light = measures(best.design.camera)
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
-        "multiplex": advice.multiplex, "more_slots": advice.more_slots, "within": advice.within, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
+        "multiplex": advice.multiplex, "more_slots": advice.more_slots, "within": advice.within,
+        "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.kind, "buckets": best.design.camera.buckets, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
