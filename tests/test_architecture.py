@@ -35,6 +35,7 @@ FLOORS = {
     "lab": 7,
     "applications": 7,
     "evaluation": 8,
+    "testing": 8,
     "reports": 8.5,
     "tuning": 9,
     "cli": 10,

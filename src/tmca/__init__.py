@@ -68,6 +68,7 @@ _ROOMS = (
     "reports",
     "sensor",
     "specs",
+    "testing",
     "training",
     "tuning",
     "viewer",

@@ -115,7 +115,7 @@ def class_from_file(text: str, base: type, name: str) -> Class:
         expected += f": {', '.join(there)}" if there else ""
         raise SettingError(name, found, expected, did_you_mean(wanted, there))
     if isabstract(cls):
-        lacks = ", ".join(sorted(cls.__abstractmethods__))
+        lacks = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
         raise SettingError(name, f"{text} without {lacks}", f"all that a {base.__name__} has", f"define {lacks} in it")
     return cls
 

@@ -203,8 +203,7 @@ class _Run:
         """Pictures by their captions, also as files."""
         drawn = {}
         for name, (caption, picture) in figures.items():
-            file = save_picture(picture, self.out / name, overwrite=self.overwrite)
-            drawn[caption] = file if file.suffix == ".gif" else picture
+            drawn[caption] = save_picture(picture, self.out / name, overwrite=self.overwrite)
         return drawn
 
 

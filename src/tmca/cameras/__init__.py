@@ -1,6 +1,6 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.camera import CAMERAS, BandCamera, Camera, CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.frames import in_finer_time
@@ -16,6 +16,7 @@ __all__ = [
     "LIMITS",
     "PAIRS",
     "PARTS",
+    "BandCamera",
     "Camera",
     "CodedCamera",
     "CodesWarning",

@@ -12,7 +12,8 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CameraAttributes
+from tmca.cameras.attributes import CameraAttributes
+from tmca.cameras.camera import BandCamera
 from tmca.cameras.sensor_tiles import exposed_in_tiles
 from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array

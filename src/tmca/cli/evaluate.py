@@ -52,7 +52,8 @@ def evaluate(
     from tmca.applications.imaging import application_for, evaluation_of
     from tmca.plots.style import save_figure
 
-    *files, source = [str(estimate), truth, *more]
+    named = [str(estimate), truth, *more]
+    files, source = named[:-1], named[-1]
     for file in files:
         check_figure(figure, overwrite, file)
         if figure is not None and Path(file).resolve() == figure.resolve():

@@ -194,7 +194,7 @@ class _Job:
         if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
             prior = None
         with progress_bar(f"{self.decoder}: {self.file.name}") as progress, _failures_of(self.cls):
-            how = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
+            how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
             estimate = decode(self.taken, self.decoder, **how, **self.settings)
         metrics = {} if scene is None else evaluate(estimate, scene)
         if scene is None:

@@ -211,7 +211,7 @@ class _Sheet:
             for (row, column), mark in zip(picture.marks[: len(self.curves)], "123456789", strict=False):
                 _mark(axis, row, column, mark)
             if picture.text:
-                place = {"ha": "left", "va": "top", "transform": axis.transAxes}
+                place: dict[str, Any] = {"ha": "left", "va": "top", "transform": axis.transAxes}
                 box = {"facecolor": "black", "alpha": 0.55, "edgecolor": "none", "pad": 0.8}
                 axis.text(0.025, 0.965, picture.text, color="white", fontsize=POINTS, bbox=box, **place)
             top += height + _GAP
@@ -255,7 +255,12 @@ class _Sheet:
             axis.locator_params(axis="x", nbins=max(2, int(each / _TICK)))
             axis.locator_params(axis="y", nbins=4)
         handles, names = axis.get_legend_handles_labels()
-        how = {"ncols": self._legend_columns(), "fontsize": POINTS, "frameon": False, "loc": "lower center"}
+        how: dict[str, Any] = {
+            "ncols": self._legend_columns(),
+            "fontsize": POINTS,
+            "frameon": False,
+            "loc": "lower center",
+        }
         spaces = {"borderpad": 0.2, "labelspacing": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
         self.figure.legend(handles, names, bbox_to_anchor=(0.5, 0.0), **how, **spaces)
 
@@ -273,7 +278,7 @@ def _mark(axis: Axes, row: int, column: int, name: str) -> None:
     """A point of the curves, with its number."""
     axis.plot(column, row, "o", markersize=2.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.5)
     box = {"facecolor": "black", "alpha": 0.45, "edgecolor": "none", "pad": 0.4}
-    how = {"textcoords": "offset points", "fontsize": POINTS, "color": "white", "bbox": box}
+    how: dict[str, Any] = {"textcoords": "offset points", "fontsize": POINTS, "color": "white", "bbox": box}
     at_edge = column > 0.85 * axis.get_xlim()[1]
     axis.annotate(
         name, (column, row), xytext=(-3, 1.5) if at_edge else (3, 1.5), ha="right" if at_edge else "left", **how

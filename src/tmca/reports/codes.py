@@ -20,6 +20,7 @@ from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.data import atomic_path, check_folder, make_folder, tiff_bytes, write_json
 from tmca.design import (
+    SURVEY,
     Advice,
     Candidate,
     Effort,
@@ -98,6 +99,7 @@ def search_codes(
     slots: Sequence[int] | None = None,
     kinds: Sequence[str] | None = None,
     period: int = 32,
+    survey: Effort = SURVEY,
     effort: Effort | None = None,
     throughput: float | None = None,
     light: float | None = None,
@@ -119,6 +121,7 @@ def search_codes(
         slots: numbers of slots to try; those that fit without.
         kinds: structures of codes to try; free and one-hot ones without, and of two buckets where pixels have two.
         period: side of the tile of codes, pixels.
+        survey: effort of each search of the survey.
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
         light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
@@ -144,7 +147,8 @@ def search_codes(
     learned = learn(progress)
     examples = learned.examples if light is None else learned.examples.under(light)
     advice = advise(
-        examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
+        examples, sheet, slots=slots, kinds=kinds, period=(period, period), survey=survey, effort=effort,
+        throughput=throughput,
         within=within, seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
     )  # fmt: skip
     make_folder(out)
