@@ -9,7 +9,6 @@ from tests.cli.refusals import refused
 from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.data import read_dataset
-from tmca.data.scene_names import SceneWarning
 from tmca.decoders import DECODERS
 from tmca.errors import SettingError
 from tmca.lab.decoder_files import decoder_named, decoders_named, loaded
@@ -85,12 +84,14 @@ def test_several_need_a_folder_and_names_of_their_own(here, capsys):
     assert "dagger twice" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,dagger")
 
 
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
 def test_a_truth_of_another_scene_is_told_and_the_work_goes_on(here, capsys):
-    with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
-        main(["reconstruct", "static_snapshot.nc", "-d", "dagger,mine.py:Mine", "--truth", "rocket", "--no-figures"])
-    with pytest.warns(SceneWarning, match="rocket is beside a snapshot of coffee"):
-        main(["evaluate", "static_dagger.nc", "static_Mine.nc", "rocket"])
-    assert "| static_Mine.nc |" in capsys.readouterr().out
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger,mine.py:Mine", "--truth", "rocket", "--no-figures"])
+    assert "rocket is beside a snapshot of coffee" in capsys.readouterr().err
+    main(["evaluate", "static_dagger.nc", "static_Mine.nc", "rocket"])
+    told = capsys.readouterr()
+    assert "rocket is beside a snapshot of coffee" in told.err
+    assert "| static_Mine.nc |" in told.out
 
 
 def test_sweeps_take_decoders_of_files(here, capsys):

@@ -261,7 +261,7 @@ class _Sheet:
             "frameon": False,
             "loc": "lower center",
         }
-        spaces = {"borderpad": 0.2, "labelspacing": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
+        spaces: dict[str, Any] = {"borderpad": 0.2, "labelspacing": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
         self.figure.legend(handles, names, bbox_to_anchor=(0.5, 0.0), **how, **spaces)
 
 
