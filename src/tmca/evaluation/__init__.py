@@ -12,6 +12,7 @@ _FACE = {
     "Sweep": "sweep",
     "checked_study": "study",
     "evaluation_of": "camera",
+    "own_study": "own",
     "read_study": "study",
     "run_study": "run",
     "run_sweep": "sweep",

@@ -37,7 +37,12 @@ Timed = Callable[[int, int, str, float], None]
 
 
 class CellsFailed(TmcaError):
-    """Some cells of a grid could not be computed; the results of the others stay on disk."""
+    """Some cells of a grid could not be computed; the results of the others stay on disk.
+
+    ``results`` is what a study made of them, None where there was nothing.
+    """
+
+    results: Measured | None = None
 
 
 class DamagedCell(UserWarning):
@@ -104,6 +109,7 @@ class Grid:
             name, done = names[waiting[file]], done + 1
             if failed:
                 self.failed.append((name, file.with_suffix(".error.txt")))
+                name = f"{name}: failed, {_reason(self.failed[-1][1])}"
             elif (cell := _finished(file)) is not None:
                 measured[file] = cell
             if self.progress:
@@ -115,13 +121,18 @@ class Grid:
     def check(self) -> None:
         """Raise CellsFailed if cells raised: the message names the first, the folder holds every traceback."""
         if self.failed:
-            named = ", ".join(name for name, _ in self.failed[:3])
+            named, more = ", ".join(name for name, _ in self.failed[:3]), ", …" if len(self.failed) > 3 else ""
+            reason = _reason(self.failed[0][1])
             raise CellsFailed(
                 self.folder,
-                f"{len(self.failed)} of {self.total} cells failed ({named}{', …' if len(self.failed) > 3 else ''})",
+                f"{len(self.failed)} of {self.total} cells failed ({named}{more}: {reason})",
                 "",
                 f"see {self.failed[0][1]}; a rerun computes only what is missing",
             )
+
+    def reasons(self) -> dict[str, str]:
+        """Name of every cell that failed → why."""
+        return {name: _reason(trouble) for name, trouble in self.failed}
 
     def _outcomes(self, work: Sequence[Work]) -> Iterator[tuple[int, bool]]:
         """Places of the cells as they end, and whether they failed."""
@@ -133,6 +144,13 @@ class Grid:
                 yield place, _one_cell(*cell)
             return
         yield from in_processes(_one_cell, work, self.jobs, _without_warnings)
+
+
+def _reason(trouble: Path) -> str:
+    """The last line of a traceback, without the module of the error's class."""
+    lines = trouble.read_text(encoding="utf-8").rstrip().splitlines() if trouble.exists() else []
+    kind, colon, said = (lines[-1] if lines else "no traceback").partition(": ")
+    return f"{kind.rpartition('.')[2]}{colon}{said}"
 
 
 def run_cells(

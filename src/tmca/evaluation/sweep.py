@@ -25,6 +25,7 @@ from tmca.evaluation.tables import (
     repository_commit,
     write_table,
 )
+from tmca.lab.decoder_files import loaded
 from tmca.plots.curves import sweep_figure
 from tmca.plots.style import save_figure
 
@@ -100,7 +101,10 @@ def run_sweep(
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
     with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
+        computing = partial(
+            compute, folder=str(work), device=device, files=loaded({str(point["decoder"]) for point in points})
+        )
+        grid = Grid(computing, work, jobs, cluster, progress)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])
         if not rows:
@@ -156,6 +160,8 @@ def _measurements(
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
             files = (codes, options.get("weights"))
             identity = [identity_of(source), *(identity_of(str(file)) if file else None for file in files)]
+            program = getattr(decoders().get(point["decoder"]), "file", None)
+            identity += [] if program is None else [identity_of(program)]
             cells.append(Measurement(**about, identity=identity, **common))
     return cells
 
