@@ -189,12 +189,12 @@ def test_every_preset_takes_a_snapshot_of_its_size_without_a_warning(kind, prese
 
 
 @each_camera
-def test_a_snapshot_says_in_a_line_what_it_is(name):
+def test_a_snapshot_says_in_a_few_lines_what_it_is(name):
     camera = made(name)
     snapshot = Snapshot(camera(*inputs(camera, batch=1)), camera)
-    assert len(repr(snapshot).splitlines()) == 1
+    assert len(repr(snapshot).splitlines()) <= 6
     assert camera.kind in repr(snapshot)
-    assert f"buckets={camera.buckets}" in repr(camera)
+    assert f"buckets: {camera.buckets}" in repr(camera)
     if camera.psf_window is None:
         with pytest.raises(ShapeError, match="as many buckets"):
             camera.A_adjoint(torch.ones(1, 7 * camera.snapshot_shape[0], *camera.snapshot_shape[1:]))

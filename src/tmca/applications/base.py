@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import ConfigDict
 from torch import Tensor
 
-from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
@@ -216,7 +215,7 @@ class Application(ABC):
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:
         """What a camera shows, by the names in ``codes``."""
-        return {"codes": codes_figure(camera)}
+        return {"codes": camera.plot()}
 
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None

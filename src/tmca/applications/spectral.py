@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.applications.base import Application
-from tmca.applications.camera_figures import codes_figure, snapshot_figure
+from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.moving import FRAMES, MOTION
 from tmca.cameras import SpectralCamera
@@ -98,7 +98,7 @@ class SpectralDemo(Demo):
             f"{name}_snapshot.png": ("The time-multiplexed snapshot.", snapshot_figure(multiplexed, name)),
             f"{name}_codes.png": (
                 "Aperture T, shutter S, and the code T̂ that they make together (a corner).",
-                codes_figure(multiplexed.camera),
+                multiplexed.camera.plot(),
             ),
         }
 

@@ -12,7 +12,7 @@ from pydantic import Json
 from torch import Tensor
 
 from tmca.applications.base import Application, noted_reading
-from tmca.applications.camera_figures import phase_codes_figure, psf_figure
+from tmca.applications.camera_figures import psf_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
 from tmca.attributes import REMEDY, Attributes, attributes_of
@@ -173,7 +173,7 @@ class SpectralDepthApplication(Application):
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:
         """See ``Application``: masks with shutter and filters, and the point spread functions."""
-        return {"codes": phase_codes_figure(camera), "psf": psf_figure(camera)}
+        return {"codes": camera.plot(), "psf": psf_figure(camera)}
 
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None

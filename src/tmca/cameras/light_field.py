@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import CodedAttributes, CodedCamera
+from tmca.cameras.coded import CodedAttributes, CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -20,9 +20,11 @@ from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
-from tmca.dbd.recovery import Recovery
 from tmca.dbd.simulation import carriers
 from tmca.errors import DataError, TmcaError
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 KIND = "dual blind deconvolution"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,10 +12,15 @@ from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
 from tmca.errors import SettingError
+from tmca.summaries import Summary, as_numpy, sizes
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Recovery:
+@dataclass(frozen=True, repr=False)
+class Recovery(Summary):
     """The answer to a problem.
 
     Args:
@@ -75,6 +81,49 @@ class Recovery:
     def delays_s(self) -> dict[str, Real]:
         """Per source the delays in seconds; needs units."""
         return {one.name: one.points[:, 0] * self._units().delay_s for one in self.sources}
+
+    def to_xarray(self) -> xr.Dataset:
+        """A row for every path: its source, gain, phase, coordinates and their deviations, in units where known."""
+        import pandas
+        import xarray as xr
+
+        from tmca.dbd.tables import recovery_values
+
+        told = recovery_values(self)
+        rows = [{"source": name, **row} for name, paths in told["sources"].items() for row in paths]
+        table = pandas.DataFrame(rows, columns=None if rows else ["source"]).rename_axis("path")
+        known = ("method", "exact", "residual", "sigma", "seconds")
+        about = {name: told[name] for name in known if told[name] is not None}
+        return xr.Dataset.from_dataframe(table).assign_attrs(about)
+
+    def plot(self) -> Figure:
+        """Norms of the dual polynomials over delay and Doppler, with the recovered paths, and the true where known."""
+        from tmca.dbd.tables import planes
+        from tmca.plots.dbd import Plane, planes_figure
+
+        return planes_figure([Plane(**plane) for plane in planes(self)])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        """(n, 3) delay, Doppler and angle of all paths, source after source."""
+        return as_numpy(np.concatenate([one.points for one in self.sources]), dtype, copy)
+
+    def _facts(self) -> dict[str, str]:
+        counts = (f"{one.name} {len(one)} path{'s'[: len(one) != 1]}" for one in self.sources)
+        return {
+            "problem": f"{sizes(self.problem.shape)} (antennas, pulses, frequencies)",
+            "paths": ", ".join(counts),
+            "residual": f"{self.residual:.2g}{', exact' if self.exact else ''}",
+            "certificate": self.certificate_status,
+            "noise": "not known" if self.sigma is None else f"{self.sigma:.3g}" if self.sigma else "none",
+            "method": f"{self.method}, {self.seconds:.2g} s",
+            "notes": "; ".join(self.notes),
+        }
+
+    def _picture(self) -> Figure:
+        from tmca.dbd.tables import planes
+        from tmca.plots.dbd import Plane, small_planes_figure
+
+        return small_planes_figure([Plane(**plane) for plane in planes(self)])
 
     def _units(self) -> Units:
         if self.problem.units is None:

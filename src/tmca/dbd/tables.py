@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Problem, Real, Units, centred, from_zero, is_radar
-from tmca.dbd.recovery import Recovery
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 _OVERSAMPLING = 12
 _UNITS = {"m": "m", "m_s": "m/s", "deg": "degrees"}

@@ -65,6 +65,20 @@ def planes_figure(planes: Sequence[Plane]) -> Figure:
     return figure
 
 
+def small_planes_figure(planes: Sequence[Plane]) -> Figure:
+    """The same as a row of small pictures, without bar and legend: crosses are recovered paths, rings true ones."""
+    figure = blank_figure(min(2.6 * len(planes), 6.2), 2.5)
+    top = max(1.0, *(float(plane.norms.max()) for plane in planes))
+    for axis, plane in zip(figure.subplots(1, len(planes), squeeze=False)[0], planes, strict=True):
+        title = plane.title.partition(":")[0]
+        plain_axes(axis, title, plane.labels[0], plane.labels[1] if plane.norms.ndim == 2 else "‖f‖ / weight")
+        if plane.norms.ndim == 2:
+            _draw_image(axis, plane, top)
+        else:
+            _draw_line(axis, plane)
+    return figure
+
+
 def _draw_image(axis: Axes, plane: Plane, top: float) -> Any:
     from matplotlib.patheffects import withStroke
 
