@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -21,6 +21,7 @@ from tmca.data.in_memory import check_light, warn_of_estimate
 from tmca.data.scene_names import compare_scene
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.progress import Asked, reporting
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,7 +45,7 @@ def simulate(
     seed: Seed = 0,
     motion: Pair = (0.0, 0.0),
     hardware: Hardware | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Asked = None,
 ) -> Snapshot[Any]:
     """Take a snapshot of a scene.
 
@@ -57,7 +58,8 @@ def simulate(
         motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
             scene is its place in the middle.
         hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
-        progress: called with the share that is done.
+        progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
+            a second in a terminal or a notebook.
 
     Raises:
         SettingError: faults that this camera cannot have, another number of scenes than slots, or several that move.
@@ -82,9 +84,9 @@ def simulate(
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {MOTION: list(moved)} if any(moved) else {}
-    with torch.no_grad():
+    with torch.no_grad(), reporting(progress, "simulate") as report:
         bench = imperfect(camera, faults, seed)
-        values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=progress)
+        values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=report)
     notes |= {"hardware": faults.described()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
 

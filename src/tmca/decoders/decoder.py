@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
 from typing import Any, ClassVar
+from warnings import warn
 
 import torch
 from torch import Tensor
@@ -19,15 +20,22 @@ from torch import Tensor
 from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.estimate import Estimate
+from tmca.decoders.estimate import PRIOR, Estimate
 from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
-from tmca.priors import Prior, find_prior
+from tmca.priors import Prior, find_prior, has_rendered
+from tmca.progress import Asked, reporting
 
+_WITHOUT_PRIOR = "admm-tv"
+"""The decoder where there is no prior for the usual one."""
 Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
+
+
+class NoRenderedPrior(UserWarning):
+    """A camera for whose scenes no prior comes with the package."""
 
 
 @dataclass
@@ -148,7 +156,7 @@ class Decoder(WithSettings, ABC):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
-        return Prepared(decoder, camera, state, time.perf_counter() - start)
+        return Prepared(decoder, camera, state, time.perf_counter() - start, _in_a_line(chosen, prior))
 
     def __call__(
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
@@ -168,6 +176,7 @@ class Prepared:
     camera: Any
     state: Any
     seconds: float = 0.0
+    prior: str = ""
 
     def __call__(self, snapshot: Snapshot[Any] | Tensor, progress: Progress | None = None) -> Estimate:
         """Decode a snapshot of the camera, or values (B, *snapshot_shape).
@@ -195,7 +204,8 @@ class Prepared:
         deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         seconds = time.perf_counter() - start
-        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
+        notes = {**notes, **({PRIOR: self.prior} if self.prior else {}), **raw.notes}
+        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, notes)
 
     def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:
         """Decode frames one after the other, as they come: snapshots of the camera, or values (R, H, W') or (1, R, H,
@@ -218,7 +228,7 @@ def decode(
     decoder: str | type[Decoder] | Decoder | None = None,
     *,
     prior: str | Path | Prior | None = None,
-    progress: Progress | None = None,
+    progress: Asked = None,
     device: str | torch.device | None = None,
     bank: str | Path | None = None,
     **settings: Any,
@@ -227,9 +237,11 @@ def decode(
 
     Args:
         snapshot: values and camera, or the file that holds them.
-        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
-        prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
-        progress: called with the share that is done.
+        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one, or one
+            without a prior where none is given and the rendered scenes have none for the camera.
+        prior: a prior, its file, or None for that of the rendered scenes, learned on first use; the estimate notes it.
+        progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
+            a second in a terminal or a notebook.
         device: where it is decoded, and where the estimate lies: ``"cuda"``, ``"cpu"``; None where the snapshot
             is, or as `tmca.devices.computing_on` says.
         bank: file that stores what depends on camera, noise and prior alone, for the next snapshot (lmmse); see
@@ -239,6 +251,9 @@ def decode(
     Raises:
         SettingError: an unknown decoder or setting, a camera or prior that does not fit, or a device that is not there.
         DataError: a file that holds no snapshot, or a bank of something else.
+
+    Warns:
+        NoRenderedPrior: a camera for which no prior comes with the package: another decoder than the usual one.
 
     >>> import torch, tmca.cameras
     >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
@@ -254,12 +269,34 @@ def decode(
     where = usual_device() if device is None else device
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
-    made = make_decoder(decoder or usual_decoder(kind), kind, settings)
-    if bank is None:
-        return made(snapshot, prior, progress)
-    prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
-    estimate = prepared(snapshot, progress)
+    if decoder is None:
+        decoder = _usual(snapshot.camera) if prior is None else usual_decoder(kind)
+    made = make_decoder(decoder, kind, settings)
+    with reporting(progress, made.name) as report:
+        if bank is None:
+            return made(snapshot, prior, report)
+        prepared = made.prepare(snapshot.camera, prior, report, bank=bank)
+        estimate = prepared(snapshot, report)
     return replace(estimate, seconds=estimate.seconds + prepared.seconds)
+
+
+def _usual(camera: Any) -> str:
+    """Name of the usual decoder of a camera, of one without a prior where the rendered scenes have none for it."""
+    usual, available = usual_decoder(camera.kind), decoders_for(camera.kind)
+    cls = available.get(usual)
+    if cls is None or cls.prior_kind is None or _WITHOUT_PRIOR not in available or has_rendered(camera):
+        return usual
+    text = f"no prior of this {camera.kind} camera's scenes comes with tmca: {_WITHOUT_PRIOR} instead of {usual}"
+    warn(f"{text}; learn one with `tmca prior learn`, or tmca.priors.learn_prior", NoRenderedPrior, stacklevel=3)
+    return _WITHOUT_PRIOR
+
+
+def _in_a_line(prior: Any, given: Any) -> str:
+    """The prior of an estimate in a few words; none of a decoder without one."""
+    if not isinstance(prior, Prior):
+        return ""
+    source = "the rendered scenes" if given is None else f"{given}" if isinstance(given, str | Path) else "given"
+    return f"{prior.in_a_line()} ({source})"
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:

@@ -12,11 +12,12 @@ from tmca.data.scene_names import identity_of, named_scenes, short_names
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
-from tmca.evaluation.grid import Grid, Measured, Settings, Timed
+from tmca.evaluation.grid import Grid, Measured, Settings
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
 from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.progress import Asked, counting
 
 
 def run_study(
@@ -28,7 +29,7 @@ def run_study(
     cluster: Settings | None = None,
     device: str | None = None,
     overwrite: bool = False,
-    progress: Timed | None = None,
+    progress: Asked = None,
     command: Sequence[str] = (),
 ) -> Row:
     """Measure every code, noise and decoder of a study on its test scenes.
@@ -41,7 +42,8 @@ def run_study(
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
-        progress: called with (done, all, name, seconds left) after each cell.
+        progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
+            one that is shown after a second in a terminal or a notebook.
         command: how the run was called, written into the results.
 
     Returns:
@@ -68,8 +70,8 @@ def run_study(
     check_new([out / name for name in (*files, *picture_names(study, names.values()))], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
-    with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
+    with held_folder(work), counting(progress, f"study {study.name}") as report:
+        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, report)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):

@@ -92,6 +92,15 @@ def _check_camera(camera: Any) -> None:
         raise SettingError("camera", described(camera), "a camera, such as tmca.SpectralCamera()")
 
 
+def has_rendered(camera: Any) -> bool:
+    """Whether the rendered scenes give a prior of a camera's scenes: bands of 400 to 700 nm, a square grid of views."""
+    try:
+        _rendered_scenes(camera)
+    except SettingError:
+        return False
+    return True
+
+
 def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: Progress) -> Prior:
     """The prior of the rendered training scenes: cached, or learned now."""
     from tmca.data import make_folder
