@@ -34,7 +34,7 @@ def estimated(batch=1):
     ("call", "where"),
     [
         *((lambda scene=scene: taken(scene), "scene") for scene in (
-            None, [], 3, CUBE.values[0], VIEWS, CUBE.drop_vars("wavelength"), np.array(["a"]),
+            None, [], 3, CUBE.values[0], VIEWS, CUBE.assign_coords(wavelength=range(4)), np.array(["a"]),
         )),
         *((lambda scene=scene: taken(scene), "coffee") for scene in (NAN, CUBE - 1, (255 * CUBE).astype("uint8"))),
         (lambda: taken("nowhere"), "nowhere"), (lambda: taken(CUBE, LIGHT_FIELD), "scene"),

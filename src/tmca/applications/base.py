@@ -17,6 +17,7 @@ from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data import read_dataset, read_scene
+from tmca.data.in_memory import bare_cube
 from tmca.data.scene_names import READING, compare_source
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
@@ -111,7 +112,8 @@ class Application(ABC):
         if isinstance(given, str | Path):
             return self.read(str(given))
         if hasattr(given, "dims"):
-            return self.labelled(given, where)
+            bare = bare_cube(given)
+            return self.labelled(given, where) if bare is None else self.of_array(bare, camera, where)
         if not isinstance(given, Tensor | np.ndarray):
             raise DataError(where, described(given), "a scene", "read it with tmca.read")
         return self.of_array(given.numpy(force=True) if isinstance(given, Tensor) else given, camera, where)

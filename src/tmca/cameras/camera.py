@@ -235,18 +235,71 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         value: T = self._cache[name][1]
         return value
 
-    def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
-        """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W')."""
+    def fitted(self, scene: Any) -> Any:
+        """A labelled scene (xarray) at the camera's bands or views, the middle of it in the camera's size.
+
+        Raises:
+            DataError, SettingError: a scene that is smaller, or of another kind.
+        """
+        return scene
+
+    def imaged(self, scene: Any, depth: Any = None) -> tuple[Tensor, Tensor | None]:
+        """A scene of any form, and its depth, as tensors of the camera's type and device, with a batch.
+
+        Args:
+            scene: a tensor, a NumPy array or what becomes one, (B, *scene_shape) or *scene_shape; or a labelled scene,
+                as `tmca.read` gives it, which is ``fitted``, with its depth if it has one.
+            depth: (B, 1, H, W) or (H, W), of the same forms.
+        """
+        if isinstance(scene, Tensor) and scene.ndim > len(self.scene_shape) and isinstance(depth, Tensor | None):
+            return scene, depth
+        from tmca.data.in_memory import as_tensors
+
+        tensor, *with_it = as_tensors(self.fitted(scene) if hasattr(scene, "dims") else scene)
+        tensor = tensor[None] if tensor.ndim == len(self.scene_shape) else tensor
+        if depth is not None:
+            with_it = [as_tensors(depth, "depth")[0]]
+        return self._alike(scene, tensor), self._alike(depth, with_it[0]) if with_it else None
+
+    def _alike(self, given: Any, tensor: Tensor) -> Tensor:
+        """A tensor as it was given, or on the camera's device and of its type."""
+        own = next((one for one in self.buffers() if one.is_floating_point()), tensor)
+        while tensor.ndim < 4:
+            tensor = tensor[None]
+        return tensor if isinstance(given, Tensor) else tensor.to(own.device, own.dtype)
+
+    def A(self, scene: Any, depth: Any = None) -> Tensor:
+        """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W').
+
+        Both may be what ``imaged`` takes: tensors, NumPy arrays, labelled scenes.
+        """
+        scene, depth = self.imaged(scene, depth)
         check_shape("scene", scene, ("batch", *self.scene_shape), "give the camera its size, or crop it")
         return self.operator(depth).A(scene.flatten(1, -3))
 
-    def A_adjoint(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
-        """Snapshot (B, C, H, W') → scene, the transpose of ``A``."""
+    def A_adjoint(self, snapshot: Any, depth: Any = None) -> Tensor:
+        """Snapshot (B, C, H, W'), a tensor, an array or a `Snapshot` → scene, the transpose of ``A``."""
+        snapshot, depth = self._recorded(snapshot, depth)
         return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.scene_shape[:-2])
 
-    def A_dagger(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
+    def A_dagger(self, snapshot: Any, depth: Any = None) -> Tensor:
         """Snapshot → least-norm scene that explains it."""
+        snapshot, depth = self._recorded(snapshot, depth)
         return self.operator(depth).A_dagger(snapshot).unflatten(1, self.scene_shape[:-2])
+
+    def _recorded(self, snapshot: Any, depth: Any) -> tuple[Tensor, Tensor | None]:
+        """A snapshot of any form and the depth of its scene, as tensors of the camera's type and device."""
+        if isinstance(snapshot, Tensor) and snapshot.ndim == 4 and isinstance(depth, Tensor | None):
+            return snapshot, depth
+        from tmca.data.in_memory import as_tensors
+
+        tensors = (
+            None if one is None else self._alike(one, as_tensors(one, name)[0])
+            for one, name in ((snapshot, "snapshot"), (depth, "depth"))
+        )
+        first, second = tensors
+        assert first is not None
+        return first, second
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -256,8 +309,8 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
 
     def forward(
         self,
-        scene: Tensor,
-        depth: Tensor | None = None,
+        scene: Any,
+        depth: Any = None,
         *,
         generator: torch.Generator | int | None = None,
         progress: Callable[[float], None] | None = None,
@@ -265,7 +318,8 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         """Take a snapshot: the exact one, then the sensor.
 
         Args:
-            scene: (B, *scene_shape) relative irradiance, or (B, K, *scene_shape) where it changes from slot to slot.
+            scene: (B, *scene_shape) relative irradiance, or (B, K, *scene_shape) where it changes from slot to slot;
+                tensors, NumPy arrays, or a labelled scene as `tmca.read` gives it, see ``imaged``.
             depth: (B, 1, H, W) metres where the camera images depth, (B, K, 1, H, W) beside a scene that changes.
             generator: source of the sensor's randomness, or a seed.
             progress: called with the share that is done, where that takes long.
@@ -273,7 +327,7 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         Returns:
             (B, C, H, W') snapshot.
         """
-        return self.record(self.exact(scene, depth, progress), generator)
+        return self.record(self.exact(*self.imaged(scene, depth), progress), generator)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
         """Arguments that a camera with other parts takes over as they are now, not as they were given."""

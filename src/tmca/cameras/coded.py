@@ -57,6 +57,12 @@ class BandCamera(Camera):
         """Wavelengths of the bands."""
         return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
 
+    def fitted(self, scene: Any) -> Any:
+        """See ``Camera``; the nearest band for every wavelength."""
+        from tmca.data.fitting import fit_cube
+
+        return fit_cube(scene, self.wavelengths, self.size)
+
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """The first scene as (wavelength, y, x)."""
         import xarray as xr

@@ -187,6 +187,12 @@ class LightFieldCamera(CodedCamera):
         how = (self.shear, self.vignetting, exposure)
         return of_buckets([coded_mask(aperture, shown, *how) for shown in shutters])
 
+    def fitted(self, scene: Any) -> Any:
+        """See ``Camera``; the views in the middle of the grid."""
+        from tmca.data.fitting import fit_views
+
+        return fit_views(scene, self.views, self.size)
+
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """(view_v, view_u, y, x), with the three colours of a batch first."""
         from tmca.data import label_light_field

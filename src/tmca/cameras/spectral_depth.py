@@ -319,6 +319,12 @@ class SpectralDepthCamera(BandCamera):
         """
         return exposed_in_tiles(self, scene, _required(depth), progress)
 
+    def fitted(self, scene: Any) -> Any:
+        """See ``Camera``; depth beyond the camera's range is mapped onto it."""
+        from tmca.data.fitting import fit_depth_scene
+
+        return fit_depth_scene(scene, self.wavelengths, self.size, self.planes.near, self.planes.far)
+
     def plot(self) -> Figure:
         """Heights and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
         from tmca.plots.codes import phase_codes_figure
