@@ -6,7 +6,8 @@ import torch
 import xarray as xr
 
 import tmca
-from tmca.data.in_memory import SceneWarning, of_array
+from tmca.data.in_memory import SceneWarning
+from tmca.data.unlabelled import of_array
 from tmca.decoders.decoder import NoRenderedPrior
 from tmca.errors import DataError, ShapeError
 from tmca.viewer.opening import in_memory_items

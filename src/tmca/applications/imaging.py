@@ -18,8 +18,9 @@ from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.data import describe
-from tmca.data.in_memory import bare_cube, check_light, of_array, warn_of_estimate
+from tmca.data.in_memory import bare_cube, check_light, warn_of_estimate
 from tmca.data.scene_names import compare_scene
+from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.progress import Asked, reporting

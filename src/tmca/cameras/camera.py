@@ -176,9 +176,9 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         """Codes, optics and sensor, labelled: `variables`."""
         return self.variables()
 
-    @abstractmethod
     def plot(self) -> Figure:
-        """What the camera shows in every slot."""
+        """What the camera shows; of one that does not say more the exact snapshot of a white scene."""
+        return self._picture()
 
     def _picture(self) -> Figure:
         from tmca.plots.thumbnails import row_figure
@@ -186,7 +186,15 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         return row_figure(self._panels())
 
     def _panels(self) -> list[Panel]:
-        """Small pictures of a part of its codes: what the aperture and the shutter show in the first slot."""
+        """Small pictures of what it shows."""
+        from tmca.plots.thumbnails import Panel
+
+        with torch.no_grad():
+            white = self.A(torch.ones(1, *self.scene_shape)).mean((0, 1)).numpy(force=True)
+        return [Panel("a white scene", white, bar="snapshot units")]
+
+    def _plane_panels(self) -> list[Panel]:
+        """A part of what the aperture and the shutter show in the first slot."""
         from tmca.plots.thumbnails import Panel
 
         aperture, shutter = self.codes()

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tmca.plots.thumbnails import Panel
+
 CORNER = 48
 """Pixels of codes that are drawn along each side."""
 CODING = tuple(Codes.__dataclass_fields__)
@@ -142,6 +144,9 @@ class CodedCamera(Camera):
     @abstractmethod
     def code_cube(self) -> Tensor:
         """The time-multiplexed code T̂ of every channel; with several buckets that of each of them, (R, …)."""
+
+    def _panels(self) -> list[Panel]:
+        return self._plane_panels()
 
     def plot(self, corner: int = CORNER) -> Figure:
         """Aperture T, shutter S and the code T̂ (thesis figure 19), a corner of ``corner`` pixels of each."""

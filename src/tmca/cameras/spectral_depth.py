@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tmca.plots.thumbnails import Panel
+
 IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
 PROBE = (512, 512)
@@ -324,6 +326,9 @@ class SpectralDepthCamera(BandCamera):
         from tmca.data.fitting import fit_depth_scene
 
         return fit_depth_scene(scene, self.wavelengths, self.size, self.planes.near, self.planes.far)
+
+    def _panels(self) -> list[Panel]:
+        return self._plane_panels()
 
     def plot(self) -> Figure:
         """Heights and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""

@@ -114,27 +114,6 @@ def bare_cube(scene: Any) -> np.ndarray | None:
     return np.asarray(scene.transpose(*_CUBE))
 
 
-def of_array(values: Any, where: str = "scene") -> xr.DataArray:
-    """A cube (L, H, W), or a light field (V, U, H, W) or with three colours first, of an array without labels.
-
-    An axis of one in front is the batch. Bands are taken as evenly spaced, 400 to 700 nm, which is said.
-
-    Raises:
-        DataError, ShapeError: an array of other axes.
-    """
-    from tmca.data.cubes import label
-    from tmca.data.light_fields import label_light_field
-
-    array = np.asarray(values.numpy(force=True) if hasattr(values, "numpy") else values)
-    array = array[0] if array.ndim > 3 and len(array) == 1 else array
-    if array.ndim == 3:
-        return label(array, even_bands(len(array), where))
-    if array.ndim not in (4, 5):
-        expected = "(L, H, W) of a cube, or (V, U, H, W) of a light field"
-        raise DataError(where, f"an array of shape {array.shape}", expected, "label it with tmca.data.label")
-    return label_light_field(array)
-
-
 def even_bands(count: int, where: str = "scene") -> np.ndarray:
     """Wavelengths that are assumed where none are given: evenly spaced, 400 to 700 nm; of one band 550 nm.
 

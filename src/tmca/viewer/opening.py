@@ -13,10 +13,11 @@ from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array, holds_rgbd, read_scene, read_spectral_depth
 from tmca.data.formats.opening import open_contents
-from tmca.data.in_memory import bare_cube, of_array
+from tmca.data.in_memory import bare_cube
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
 from tmca.data.spectral_depth import scene_parts
+from tmca.data.unlabelled import of_array
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.arrays import array_items
