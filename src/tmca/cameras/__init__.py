@@ -38,3 +38,7 @@ __all__ = [
     "moving_scenes",
     "seen_by",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

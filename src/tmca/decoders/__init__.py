@@ -65,3 +65,7 @@ __all__ = [
     "tv_prox",
     "usual_decoder",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -33,3 +33,7 @@ __all__ = [
     "prior_kinds",
     "views_of",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
