@@ -9,6 +9,7 @@ _FACE = {
     "SpectralDepthEvaluation": "spectral_depth",
     "SpectralEvaluation": "spectral",
     "Study": "study",
+    "StudyResults": "outcome",
     "Sweep": "sweep",
     "checked_study": "study",
     "evaluation_of": "camera",

@@ -13,10 +13,11 @@ from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import Grid, Measured, Settings
+from tmca.evaluation.outcome import StudyResults
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
-from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.evaluation.tables import Split, check_counts, check_decoders, check_new, check_weights, write_table
 from tmca.progress import Asked, counting
 
 
@@ -31,7 +32,7 @@ def run_study(
     overwrite: bool = False,
     progress: Asked = None,
     command: Sequence[str] = (),
-) -> Row:
+) -> StudyResults:
     """Measure every code, noise and decoder of a study on its test scenes.
 
     Args:
@@ -47,7 +48,7 @@ def run_study(
         command: how the run was called, written into the results.
 
     Returns:
-        What the JSON file holds.
+        What the JSON file holds, as a dictionary that a notebook shows as a table with bars.
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
@@ -83,7 +84,8 @@ def run_study(
         write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
         grid.check()
-    return found
+    merit = study.evaluation.metric
+    return StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))
 
 
 def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
