@@ -43,7 +43,7 @@ ROOMS = [
 ]
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
-    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "errors"),
+    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "adapters", "errors"),
 )
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
 _IMAGE = re.compile(r"(!\[[^\]]*\]\()docs/")

@@ -92,6 +92,7 @@ class Recovery(Summary):
         told = recovery_values(self)
         rows = [{"source": name, **row} for name, paths in told["sources"].items() for row in paths]
         table = pandas.DataFrame(rows, columns=None if rows else ["source"]).rename_axis("path")
+        table = table.astype({name: float for name in table.columns if name != "source"})
         known = ("method", "exact", "residual", "sigma", "seconds")
         about = {name: told[name] for name in known if told[name] is not None}
         return xr.Dataset.from_dataframe(table).assign_attrs(about)
