@@ -67,7 +67,7 @@ class SceneDataset(Dataset[Tensor]):
         check_choice("kind", kind, _KINDS)
         self.scenes, self.kind, self.reading = tuple(scenes), kind, {**({} if kind == "spectral" else _GREY), **reading}
         self.crop, self.length, self.seed, self.epoch = crop, length, seed, 0
-        self.light = {"brightness": brightness, "tint": tint}
+        self.light = (brightness, tint)
         self.folder = cache_folder() / "scenes" if folder is None else Path(folder)
         self._source: PatchSource | None = None
         self._views: tuple[int, int] | None = None
@@ -103,7 +103,9 @@ class SceneDataset(Dataset[Tensor]):
                 first = as_tensors(self._read(self.scenes[0]))[0]
                 self._views = (first.shape[1], first.shape[2])
             store = CubeStore(self.scenes, self._channels, place)
-            self._source = PatchSource(store, self.crop, self.seed, views=self._views, **self.light)
+            self._source = PatchSource(
+                store, self.crop, self.seed, views=self._views, brightness=self.light[0], tint=self.light[1]
+            )
         return self._source
 
     def _read(self, name: str) -> Any:
@@ -142,7 +144,7 @@ class SnapshotDataset(Dataset[tuple[Tensor, Tensor]]):
         """That takes the snapshots, bound to the scenes."""
         if self._bound is None:
             first = self.scenes[0]
-            parts = {"size": tuple(first.shape[-2:])}
+            parts: dict[str, Any] = {"size": tuple(first.shape[-2:])}
             bands = getattr(self.scenes, "wavelengths", ()) or len(first)
             parts |= {"bands": bands} if first.ndim == 3 else {"views": tuple(first.shape[:2])}
             self._bound = self._given.bound_to(**parts)

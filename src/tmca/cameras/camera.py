@@ -193,11 +193,11 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
             white = self.A(torch.ones(1, *self.scene_shape)).mean((0, 1)).numpy(force=True)
         return [Panel("a white scene", white, bar="snapshot units")]
 
-    def _plane_panels(self) -> list[Panel]:
+    def _plane_panels(self, codes: tuple[Tensor, Tensor]) -> list[Panel]:
         """A part of what the aperture and the shutter show in the first slot."""
         from tmca.plots.thumbnails import Panel
 
-        aperture, shutter = self.codes()
+        aperture, shutter = codes
         planes = zip(self.plane_names, (aperture, shutter.reshape(-1, *shutter.shape[-2:])), strict=True)
         shown = ((name, plane[0, :_CORNER, :_CORNER].numpy(force=True)) for name, plane in planes)
         return [Panel(f"{name}, slot 1 of {self.slots}", values, low=None) for name, values in shown]

@@ -146,7 +146,7 @@ class CodedCamera(Camera):
         """The time-multiplexed code T̂ of every channel; with several buckets that of each of them, (R, …)."""
 
     def _panels(self) -> list[Panel]:
-        return self._plane_panels()
+        return self._plane_panels(self.codes())
 
     def plot(self, corner: int = CORNER) -> Figure:
         """Aperture T, shutter S and the code T̂ (thesis figure 19), a corner of ``corner`` pixels of each."""

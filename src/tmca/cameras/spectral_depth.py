@@ -328,7 +328,7 @@ class SpectralDepthCamera(BandCamera):
         return fit_depth_scene(scene, self.wavelengths, self.size, self.planes.near, self.planes.far)
 
     def _panels(self) -> list[Panel]:
-        return self._plane_panels()
+        return self._plane_panels(self.codes())
 
     def plot(self) -> Figure:
         """Heights and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
