@@ -69,6 +69,7 @@ _ROOMS = (
     "reports",
     "sensor",
     "specs",
+    "testing",
     "training",
     "tuning",
     "viewer",

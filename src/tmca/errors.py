@@ -50,6 +50,10 @@ class TmcaError(Exception):
             text += f"; {remedy}"
         super().__init__(" ".join(text.split()))
 
+    def __reduce__(self) -> tuple[type[TmcaError], tuple[str, str, str, str]]:
+        """The parts: that is how it comes out of another process."""
+        return type(self), (self.where, self.found, self.expected, self.remedy)
+
 
 class DataError(TmcaError):
     """A file whose content is not what it should be."""

@@ -10,10 +10,10 @@ import xarray as xr
 import yaml
 
 import tmca
-from tests.cli.calls import answer
+from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS, Application
-from tmca.applications.demo import Demo, Trial, run_demo
+from tmca.applications.demo import Demo, Trial
 from tmca.applications.pictures import snapshot_files, snapshot_pictures
 from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.cli import main
@@ -214,15 +214,26 @@ def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
     assert (tmp_path / "s_masks.png").exists()
 
 
-def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed):
+def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed, capsys):
     for kind in ("spectral", "light-field", "spectral-depth"):
         monkeypatch.setattr(APPLICATIONS[kind], "demo", None)
-    rows = run_demo(tmp_path / "demo", size=SIZE)["single_pixel"]
+    command = ("demo", "--size", "14x17", "--jobs", "1", "--out", tmp_path / "demo")
+    found = answer(capsys, *command)
+    rows = found["single_pixel"]
+    assert found["report"] == str(tmp_path / "demo" / "report.html")
     assert [row["code"] for row in rows] == ["60 masks", "160 masks"]
     assert rows[1]["psnr"] > rows[0]["psnr"]
     page = (tmp_path / "demo" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count(";base64,") == 2
     assert "<h2>One pixel</h2>" in page
+    assert "demo/report.html: found the report of an earlier demo" in refused(capsys, *command, lines=None)
+    monkeypatch.setattr("tmca.applications.demo.run_demo", lambda out, **how: found)
+    text = said(capsys, *command)
+    assert text.startswith("A single-pixel camera:\n\n| code |")
+    assert f"| 160 masks | {rows[1]['psnr']:.2f} |" in text
+    (tmp_path / "file").write_text("mine")
+    assert "file: found a file, expected a folder" in refused(capsys, "demo", "--out", tmp_path / "file")
+    assert (tmp_path / "file").read_text() == "mine"
 
 
 def test_the_command_line_takes_its_snapshots(capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from studies.calibration_proof import Proof, table_of
 from tests.cli.calls import answer, run, said
 from tests.cli.refusals import refused
 from tmca.cli import main
@@ -96,6 +97,35 @@ def test_what_a_step_puts_in_doubt_is_said(capsys, bench):
     doubted = run(capsys, "calibrate", "dark", "bench/dispersion", "--out", "x", "--no-figures").err
     assert "noise of saturation" in doubted
     assert doubted.count("\n") == 1
+
+
+def test_a_calibration_says_what_it_holds_and_is_read_from_its_newest_file(capsys, bench):
+    dark = step(capsys, "dark", "bench/dark", "--out", "rendered", "--no-figures")
+    flat = step(capsys, "flat", "bench/flat", "--white", "bench/white", *ON)
+    about = answer(capsys, "calibrate", "show", "rendered")
+    assert about["calibration"] == flat["calibration"] != dark["calibration"]
+    assert list(about["steps"]) == ["dark", "flat"]
+    assert about["steps"]["dark"]["residuals"]["read_noise_dn"] == dark["read_noise_dn"]
+    text = said(capsys, "calibrate", "show", flat["calibration"])
+    assert text.startswith(f"{flat['calibration']}: camera rendered, sensor ")
+    assert f"  white level dn                   {flat['white_level_dn']:.5g}" in text
+    assert "dark (measured " in text
+    assert "bench/dark" in text
+
+
+def test_a_proof_is_written_as_it_is_said(capsys, monkeypatch):
+    found = Proof(2, 30.0)
+    found.found = {"registration": [0.01, 0.07]}
+    found.rows = [{"camera": "spectral", "seed": 0, "operator": "true", "psnr": 20.0, "explained": 30.0}]
+    asked = []
+    monkeypatch.setattr("studies.calibration_proof.prove", lambda *how: asked.append(how) or found)
+    command = ("calibrate", "proof", "--seeds", "2", "--size", "40x45", "--snr", "30", "--out", "proof.json")
+    assert answer(capsys, *command) == json.loads(Path("proof.json").read_text())
+    assert asked == [(2, (40, 45), 30.0)]
+    assert json.loads(Path("proof.json").read_text())["errors"][0]["error"] == 0.07
+    assert "an existing output" in refused(capsys, *command)
+    assert len(asked) == 1
+    assert said(capsys, *command, "--overwrite").strip() == table_of(found.stated()).strip()
 
 
 def test_calibrations_of_other_cameras_are_refused(capsys, bench):

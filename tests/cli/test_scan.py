@@ -5,6 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
+import xarray as xr
 from PIL import Image
 
 from tests.cli.calls import answer, said
@@ -55,6 +56,35 @@ def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
     assert "spectral-depth scene" in said(capsys, "inspect", "s.nc")
     for picture in ("depth", "spectra", "sam", "s"):
         assert Image.open(f"{picture}.png").width > 600
+
+
+def test_what_is_said_of_a_scan_is_what_its_files_hold(capsys, table):
+    text = said(capsys, "scan", "depth", "table/captures", *PLAN, "--out", "depth.nc", "--truth", "table/truth.nc")
+    with xr.open_dataset("depth.nc") as depth, xr.open_dataset("table/truth.nc") as truth:
+        error = depth["depth"].values - truth["depth"].values
+        known, rmse = np.isfinite(error), 1e3 * np.sqrt(np.nanmean(error**2))
+    assert f"{known.sum()} of 15000 pixels known" in text
+    assert f"against the truth: RMSE {rmse:.3g} mm" in text
+    about = answer(capsys, "scan", "spectra", "table/scene", *LIGHT, "--out", "spectra.nc")
+    assert (about["bands"], about["first_nm"], about["last_nm"]) == (31, 400, 700)
+    points = ("--references", "table/references.csv", "--points", "P1=30,45", "P2=50,105")
+    rows = answer(capsys, "scan", "compare", "spectra.nc", *points)
+    with xr.open_dataset("spectra.nc") as spectra:
+        spectrum = spectra["reflectance"].values[:, 28:33, 43:48].mean((1, 2))
+        assert about["median_std"] == pytest.approx(float(np.nanmedian(spectra["reflectance_std"])))
+    nm, *references = np.loadtxt("table/references.csv", delimiter=",", skiprows=1).T
+    assert nm == pytest.approx(np.linspace(400, 700, len(nm)))
+    reference = np.interp(np.linspace(400, 700, 31), nm, references[0])
+    cosine = spectrum @ reference / np.linalg.norm(spectrum) / np.linalg.norm(reference)
+    assert [row["point"] for row in rows] == ["P1", "P2"]
+    assert rows[0]["sam"] == pytest.approx(np.degrees(np.arccos(cosine)), rel=0.02)
+    text = said(capsys, "scan", "compare", "spectra.nc", *points)
+    assert f"{np.mean([row['sam'] for row in rows]):.3f}" in text.splitlines()[-1]
+    text = said(capsys, "scan", "join", "spectra.nc", "depth.nc", "--out", "s.nc", "--wavelengths", "440:680:3")
+    assert f"s.nc: 3 bands, 100×150 pixels, {(~known).sum()} of unknown depth" in text
+    scene = read_spectral_depth("s.nc")
+    np.testing.assert_array_equal(np.isfinite(scene["depth"].values), known)
+    np.testing.assert_allclose(scene["wavelength"].values, [440e-9, 560e-9, 680e-9])
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from PIL import Image
 from tests.cli.refusals import refused
 from tmca.applications import evaluate, simulate
 from tmca.cameras import LightFieldCamera
+from tmca.data import rendered_light_field
 from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, decode
 from tmca.errors import SettingError
@@ -17,6 +18,7 @@ from tmca.evaluation.light_field import LightFieldEvaluation
 from tmca.evaluation.page import margins, sections
 from tmca.evaluation.run import run_study
 from tmca.evaluation.study import checked_study, read_study
+from tmca.metrics import estimate_disparity
 from tmca.sensor import Sensor
 
 SHIPPED = read_study("light-field")
@@ -152,6 +154,48 @@ def test_results_come_with_a_page_and_pictures_and_stay(found, folder, study):
     again = run_study(study, out, folder / "work", overwrite=True, progress=lambda *said: told.append(said))
     assert told == []
     assert again["rows"] == found["rows"]
+
+
+FEW = {  # views and pixels
+    "name": "few", "camera": "light-field", "settings": {"period": [4, 4]},
+    "reading": {"views": 3, "frame": (24, 28), "crop": (12, 12)},
+    "codes": {
+        "drawn": {"camera": {"slots": 2}},
+        "searched": {"camera": {"slots": 2}, "search": {"kind": "free", "slots": 2, "noise": "some"}},
+    },
+    "noises": {"some": {"read_noise": 0.02}}, "decoders": ["tikhonov"],
+    "shown": [["drawn", "tikhonov"]], "shown_noise": "some",
+    "search": {"effort": {"descents": 1, "steps": 2, "flips": 4}},
+}  # fmt: skip
+
+
+def test_rows_say_how_views_and_their_disparity_come_back(tmp_path):
+    field = load_light_field("rocket", views=3, size=(20, 24))
+    field.to_dataset(name="light_field").to_netcdf(tmp_path / "rocket.nc")
+    study = checked_study({**FEW, "scenes": {"train": [str(tmp_path / "rocket.nc")], "test": ["coffee"]}}, "few")
+    out = tmp_path / "out"
+    found = run_study(study, out, tmp_path / "work")
+    rows = {row["code"]: row for row in found["rows"]}
+    scene = load_light_field("coffee", views=3, size=(24, 28))
+    camera = LightFieldCamera((3, 3), (24, 28), 2, period=4, seed=0, sensor=Sensor(0.02))
+    estimate = decode(simulate(scene, camera, seed=0), "tikhonov")
+    views, own = estimate.to_xarray()["estimate"].values, rows["drawn"]["scenes"]["coffee"]
+    assert own["psnr"] == pytest.approx(evaluate(estimate, scene)["psnr"], abs=1e-4)
+    squares = ((views - scene.values) ** 2).mean((2, 3))
+    np.testing.assert_allclose(rows["drawn"]["views"]["coffee"]["psnr"], -10 * np.log10(squares), atol=1e-3)
+    known = rendered_light_field("coffee", views=3, size=(24, 28))["disparity"].values
+    seen, of_truth = estimate_disparity(views), estimate_disparity(scene.values)
+    assert own["disparity_mae"] == pytest.approx(np.abs(seen - known).mean(), rel=1e-3)
+    assert own["agreement_mae"] == pytest.approx(np.abs(seen - of_truth).mean(), rel=1e-3)
+    assert found["geometry"]["coffee"]["disparity_mae"] == pytest.approx(np.abs(of_truth - known).mean(), rel=1e-3)
+    (crop,) = [row for row in found["crop_rows"] if row["code"] == "drawn"]
+    assert crop["scenes"]["coffee"]["psnr"] != own["psnr"]
+    assert "disparity_mae" not in crop["scenes"]["coffee"]
+    assert rows["searched"]["throughput"] == pytest.approx(found["searches"][0]["throughput"])
+    assert found["searches"][0]["psnr"] > found["searches"][0]["random_psnr"]
+    pictures = re.findall(r"\]\(([^)]*\.png)\)", (out / "few.md").read_text())
+    assert {file.name for file in out.glob("*.png")} == {*pictures}
+    assert {*pictures} == {f"few_coffee_{kind}.png" for kind in ("views", "psnr", "disparity")}
 
 
 def results(rows, **more):

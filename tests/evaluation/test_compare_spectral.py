@@ -5,12 +5,20 @@ import json
 import numpy as np
 import pytest
 import scipy.io
+import torch
 
+from tmca.applications import evaluate, simulate
+from tmca.cameras import SpectralCamera
 from tmca.data import rendered_scene, select_bands, write_dataset, write_split
+from tmca.data.scenes import load_scene
+from tmca.decoders import decode
 from tmca.errors import OutputError, SettingError
+from tmca.evaluation.expected import predicted_and_measured
 from tmca.evaluation.grid import CellsFailed
 from tmca.evaluation.run import run_study
-from tmca.evaluation.study import read_study
+from tmca.evaluation.study import checked_study, read_study
+from tmca.priors import GaussianPrior
+from tmca.sensor import Sensor
 
 BANDS, NARROW = 4, {"networks__unet-thesis__decoder__widths": [4, 8, 8]}
 STUDY = read_study("spectral")
@@ -32,6 +40,38 @@ def splits(tmp_path):
     write_split([tmp_path / "a.mat", tmp_path / "b.mat"], tmp_path / "train.txt")
     write_split([tmp_path / "c.mat"], tmp_path / "test.txt")
     return tmp_path / "train.txt", tmp_path / "test.txt"
+
+
+FEW = {
+    "name": "few", "camera": "spectral", "reading": {"bands": 3}, "codes": {"two": {"camera": {"slots": 2}}},
+    "noises": {"some": {"read_noise": 0.02}}, "decoders": ["lmmse"], "patches": 64,
+    "shown": None, "shown_noise": "some",
+}  # fmt: skip
+
+
+def test_rows_pictures_and_expected_errors_are_of_the_prior_that_was_learned(tmp_path):
+    for name in ("rocket", "chelsea"):
+        write_dataset(select_bands(rendered_scene(name, size=(30, 34))["radiance"], 3), tmp_path / f"{name}.nc")
+    scenes = {"train": [str(tmp_path / "rocket.nc")], "test": [str(tmp_path / "chelsea.nc")]}
+    found = run_study(checked_study({**FEW, "scenes": scenes}, "few"), tmp_path / "out", tmp_path / "work")
+    learned, seen = (load_scene(scenes[name][0], bands=3) for name in ("train", "test"))
+    camera = SpectralCamera(
+        bands=seen["wavelength"].values.tolist(), size=(30, 34), slots=2, seed=0, sensor=Sensor(0.02)
+    )
+    (file,) = (tmp_path / "work").glob("prior-gaussian-*.nc")
+    estimate = decode(simulate(seen, camera, seed=0), "lmmse", prior=file)
+    (row,), (expected,) = found["rows"], found["expected_error"]
+    assert row["psnr"] == pytest.approx(evaluate(estimate, seen)["psnr"], abs=1e-4)
+    large = SpectralCamera(bands=camera.wavelengths, size=(256, 256), slots=2, seed=0, sensor=Sensor(0.02))
+    for name, cube in (("train", learned), ("test", seen)):
+        of = predicted_and_measured(GaussianPrior.load(file), large, [torch.from_numpy(cube.values)], count=64, seed=0)
+        assert (expected["predicted"], expected[name]) == pytest.approx(of)
+    assert (expected["code"], expected["noise"]) == ("two", "some")
+    page = (tmp_path / "out" / "few.md").read_text()
+    assert f"| two | some | {expected['predicted']:.2f} | {expected['train']:.2f} | {expected['test']:.2f} |" in page
+    pictures = {f"few_chelsea_{kind}.png" for kind in ("composites", "spectra", "bands")}
+    assert {file.name for file in (tmp_path / "out").glob("*.png")} == pictures
+    assert all(f"({name})" in page for name in pictures)
 
 
 @pytest.mark.slow

@@ -36,13 +36,13 @@ def small(codes=None, **changes):
     return checked_study(about, "small").with_(**changes)
 
 
-def scene(path, seed):
-    """A textured cube (8, 68, 72) before a slope."""
+def scene(path, seed, size=(68, 72)):
+    """A textured cube (8, *size) before a slope."""
     source = torch.Generator().manual_seed(seed)
     coarse = torch.rand(1, 8, 20, 22, generator=source)
-    fine = torch.nn.functional.interpolate(coarse, size=(68, 72), mode="bicubic").clamp(0, 1)[0]
+    fine = torch.nn.functional.interpolate(coarse, size=size, mode="bicubic").clamp(0, 1)[0]
     waves = np.array(SpectralDepthCamera.from_preset("quick", size=(32, 32)).wavelengths)
-    depth = (1 / np.linspace(0.6, 2.4, 72)[None].repeat(68, 0)).astype(np.float32)
+    depth = (1 / np.linspace(0.6, 2.4, size[1])[None].repeat(size[0], 0)).astype(np.float32)
     whole = xr.Dataset({"radiance": label(fine.numpy(), waves), "depth": (("y", "x"), depth, {"units": "m"})})
     return str(write_dataset(whole, path))
 
@@ -94,6 +94,39 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     told = []
     compare(tmp_path, scenes, overwrite=True, progress=lambda done, total, name, left: told.append(name))
     assert not told  # all cells were kept
+
+
+STATIC = {"slots": 1, "shutter": "open", "filters": "clear"}
+FEW = {  # planes, and pixels: too few to judge masks on examples
+    "camera": "spectral-depth", "page": True, "reading": {"side": 36, "crop": (16, 18)}, "settings": {"planes": 3},
+    "codes": {"drawn": {"camera": STATIC}, "searched": {"camera": STATIC, "search": {"noise": "some"}}},
+    "noises": {"some": {"read_noise": 0.002}}, "decoders": ["likelihood"], "options": {"likelihood": {"window": 4}},
+    "search": {"searched": 2, "effort": {"starts": 1, "steps": 2}}, "shown": None, "shown_noise": "some",
+}  # fmt: skip
+
+
+def test_searched_masks_are_measured_and_predicted_as_their_file_has_them(tmp_path):
+    learned, measured = (scene(tmp_path / f"{n}.nc", k, (36, 40)) for k, n in enumerate(("learned", "measured")))
+    study = checked_study({**FEW, "name": "few", "scenes": {"train": [learned], "test": [measured]}}, "few")
+    found = run_study(study, tmp_path / "out", tmp_path / "work")
+    (search,), predicted = found["searches"], {row["code"]: row for row in found["predicted"]}
+    for name, figures in (("searched", "optimised"), ("drawn", "random")):
+        distances = np.array(search["predicted"][figures]["kullback_leibler"]) + np.diag([np.inf] * 3)
+        assert predicted[name]["kullback_leibler"] == pytest.approx(distances.min(1).mean(), rel=1e-3)
+        fisher = np.log(search["predicted"][figures]["fisher"]).mean()
+        assert np.log(predicted[name]["fisher"]) == pytest.approx(fisher, rel=1e-3)
+    assert predicted["searched"]["confusion"] == pytest.approx(search["confusion"], rel=1e-3)
+    assert predicted["searched"]["confusion"] < predicted["drawn"]["confusion"]
+    assert "placed" not in predicted["searched"]
+    inverse = np.linspace(0.5, 2.5, 40)[11:29]  # inverse metres of what is measured, onto the range of the design
+    guess = float(np.abs(1 / inverse - 2 / 3).mean())
+    assert found["guess"]["measured"]["depth_mae"] == pytest.approx(guess, rel=1e-3)
+    assert all(row["depth_mae"] < guess for row in found["rows"])
+    out = tmp_path / "out"
+    assert {file.name for file in out.glob("*.png")} == {"few_fisher.png", "few_measured.png"}
+    page = (out / "few.md").read_text()
+    assert page == markdown(json.loads((out / "few.json").read_text()))
+    assert "![Colours, depth and spectra behind every code (measured)](few_measured.png)" in page
 
 
 CHOSEN = {  # depth error on test scenes, PSNR, and the error that chooses

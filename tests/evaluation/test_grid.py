@@ -11,6 +11,7 @@ from typing import ClassVar
 import pytest
 from pydantic import BaseModel, model_serializer
 
+from tmca.errors import SettingError
 from tmca.evaluation.grid import CellsFailed, DamagedCell, cell_key, run_cells
 
 CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
@@ -85,12 +86,30 @@ def test_another_version_of_the_package_computes_anew(tmp_path, monkeypatch):
         run_cells(CELLS[:1], never, tmp_path)
 
 
-@pytest.mark.slow
 def test_cells_go_through_submitit_as_well(tmp_path):
     pytest.importorskip("submitit")
     found = run_cells(CELLS, square, tmp_path, cluster={"cluster": "debug"})
     assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]
     assert len(run_cells(CELLS, never, tmp_path, cluster={"cluster": "debug"})) == 5
+
+
+def test_a_job_that_the_cluster_ends_is_a_failed_cell(tmp_path, monkeypatch):
+    submitit = pytest.importorskip("submitit")
+
+    def ended(job):
+        raise submitit.core.utils.UncompletedJobError("out of time")
+
+    monkeypatch.setattr(submitit.DebugJob, "result", ended)
+    with pytest.raises(CellsFailed, match="1 of 1 cells failed"):
+        run_cells(CELLS[:1], square, tmp_path, cluster={"cluster": "debug"})
+    (trouble,) = tmp_path.glob("*.error.txt")
+    assert "out of time" in trouble.read_text()
+
+
+def test_slurm_without_submitit_is_refused_in_one_line(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "submitit", None)
+    with pytest.raises(SettingError, match=r"--slurm: found no submitit, .* pip install submitit"):
+        run_cells(CELLS, never, tmp_path, cluster={})
 
 
 def linger(cell):

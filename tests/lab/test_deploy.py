@@ -7,7 +7,10 @@ import sys
 import numpy as np
 import pytest
 import torch
+import xarray as xr
 
+from tests.cli.calls import answer, said
+from tests.cli.refusals import refused
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import Weights, build_network
 from tmca.errors import DataError, OutputError, SettingError
@@ -58,7 +61,6 @@ def test_both_forms_of_the_operator_are_the_camera_s(kind, offsets, spare, size)
     torch.testing.assert_close(fixed.A_dagger(snapshot), own.A_dagger(snapshot))
 
 
-@pytest.mark.slow
 def test_the_torch_file_is_the_network(exported):
     file, folder, found = exported
     assert [one.format for one in found] == ["torch"]
@@ -66,13 +68,11 @@ def test_the_torch_file_is_the_network(exported):
     assert check_decoder(folder, file)[0].error < 1e-5
 
 
-@pytest.mark.slow
 def test_a_grey_mask_stays_grey_in_the_weights(exported):
     aperture = Weights.load(exported[0]).codes["aperture"]
     torch.testing.assert_close(aperture, torch.rand(1, *SIZE, generator=torch.Generator().manual_seed(1)))
 
 
-@pytest.mark.slow
 def test_it_decodes_as_the_package_does(exported, tmp_path):
     from tmca.decoders import decode
 
@@ -121,7 +121,6 @@ def test_a_start_by_conjugate_gradients_is_exported_too(tmp_path):
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4
 
 
-@pytest.mark.slow
 def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
     with pytest.raises(SettingError, match="from lmmse, expected one that starts from adjoint, dagger or tikhonov"):
         export_decoder(written_weights(tmp_path, start="lmmse"), tmp_path / "a", ("torch",))
@@ -139,7 +138,6 @@ def test_what_cannot_stand_alone_is_refused(exported, tmp_path):
     assert not (tmp_path / "a").exists()
 
 
-@pytest.mark.slow
 def test_a_file_of_another_network_is_found_out(exported, tmp_path):
     torch.manual_seed(5)
     weights = Weights.load(exported[0])
@@ -149,7 +147,6 @@ def test_a_file_of_another_network_is_found_out(exported, tmp_path):
         check_decoder(exported[1], weights.save(tmp_path / "weights.safetensors"))
 
 
-@pytest.mark.slow
 def test_a_snapshot_of_another_size_is_refused(exported, tmp_path):
     camera = Weights.load(exported[0]).camera_for()
     from tmca.cameras import SpectralCamera
@@ -185,7 +182,6 @@ OTHERS = {
 }  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("change", OTHERS)
 def test_a_snapshot_of_another_camera_of_the_same_size_is_refused(exported, tmp_path, change):
     snapshot_of(exported[1], OTHERS[change]).save(tmp_path / "s.nc")
@@ -193,7 +189,6 @@ def test_a_snapshot_of_another_camera_of_the_same_size_is_refused(exported, tmp_
         decode_exported(exported[1], tmp_path / "s.nc", "torch")
 
 
-@pytest.mark.slow
 def test_a_snapshot_without_some_pixels_is_refused(exported, tmp_path):
     gone = torch.zeros(SIZE[0], SIZE[1] + 3, dtype=torch.bool)
     gone[3, 7] = True
@@ -204,7 +199,6 @@ def test_a_snapshot_without_some_pixels_is_refused(exported, tmp_path):
         decode_exported(exported[1], tmp_path / "s.nc", "torch")
 
 
-@pytest.mark.slow
 def test_rounding_makes_no_other_camera(exported, tmp_path):
     def rounded(camera):
         aperture = camera.codes()[0]
@@ -217,6 +211,40 @@ def test_rounding_makes_no_other_camera(exported, tmp_path):
     assert decode_exported(exported[1], tmp_path / "s.nc", "torch").values.shape == (1, BANDS, *SIZE)
 
 
+def test_the_command_checks_the_files_and_decodes_as_the_functions_do(exported, tmp_path, capsys):
+    file, folder, _ = exported
+    taken = snapshot_of(folder)
+    taken.save(tmp_path / "s.nc")
+    (row,) = answer(capsys, "decoder", "check", folder, "--run", file)
+    assert row == {
+        "format": "torch",
+        "file": str(folder / "decoder.pt2"),
+        "error": check_decoder(folder, file)[0].error,
+    }
+    assert "decoder.pt2: torch, differs from the network by" in said(capsys, "decoder", "check", folder, "--run", file)
+    out = ("--out", tmp_path / "e.nc")
+    assert said(capsys, "decoder", "run", folder, tmp_path / "s.nc", *out).startswith(f"{tmp_path / 'e.nc'}: torch")
+    kept = (tmp_path / "e.nc").read_bytes()
+    with xr.open_dataset(tmp_path / "e.nc") as written:
+        np.testing.assert_array_equal(
+            written["estimate"], decode_exported(folder, tmp_path / "s.nc", "torch").values[0]
+        )
+    assert "an existing output" in refused(capsys, "decoder", "run", folder, tmp_path / "s.nc", *out)
+    said_of_formats = refused(capsys, "decoder", "export", file, "--out", tmp_path / "y", "--formats", "gif")
+    assert "found gif, expected some of torch, onnx" in said_of_formats
+    assert (tmp_path / "e.nc").read_bytes() == kept
+    assert not (tmp_path / "y").exists()
+
+
+def test_a_trusted_file_computes_the_same_and_a_broken_one_is_refused(exported, tmp_path):
+    checked, trusted = (load_exported(exported[1] / "decoder.pt2", trust) for trust in (False, True))
+    snapshot = torch.rand(1, 1, SIZE[0], SIZE[1] + 3)
+    torch.testing.assert_close(trusted(snapshot), checked(snapshot))
+    (tmp_path / "decoder.pt2").write_text("broken")
+    with pytest.raises(DataError, match=r"decoder\.pt2: found a file that cannot be read"):
+        load_exported(tmp_path / "decoder.pt2", trust=True)
+
+
 def test_a_closed_pixel_of_a_large_camera_marks_its_codes():
     code = torch.rand(3, 2000, 2300, generator=torch.Generator().manual_seed(0))
     whole, blind = (Taps(values, (0, 1, 2), (0, 2, 4), 3, 2304) for values in (code, code.clone()))
@@ -225,7 +253,6 @@ def test_a_closed_pixel_of_a_large_camera_marks_its_codes():
     assert np.abs(marks - others).max() > 1e-5 * marks[0]
 
 
-@pytest.mark.slow
 def test_a_run_of_other_bands_is_refused(exported, tmp_path):
     with pytest.raises(DataError, match=r"a snapshot of shape \(1, 1, 24, 23\), expected \(1, 1, 24, 24\)"):
         check_decoder(exported[1], written_weights(tmp_path, bands=3))
@@ -241,7 +268,6 @@ def about_of(folder, **changes):
     return json.dumps({key: value for key, value in about.items() if value is not None})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("gone", ["read_noise", "scene", "codes", "files", "wavelengths_m", "snapshot"])
 def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, gone):
     (tmp_path / "decoder.json").write_text(about_of(exported[1], **{gone: None}))
@@ -249,7 +275,6 @@ def test_a_description_without_one_of_its_parts_is_refused(exported, tmp_path, g
         check_decoder(tmp_path, exported[0])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "format"), [("decoder.json", "torch"), ("decoder.pt2", "torch")])
 def test_a_broken_export_is_refused(exported, tmp_path, name, format):
     (tmp_path / "decoder.json").write_text(about_of(exported[1]))

@@ -89,8 +89,11 @@ def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
 def test_what_codes_tell_about_depth_leaves_out_a_plane_as_its_own_rival():
     distances = np.array([[0, 3, 5, 9], [3, 0, 2, 5], [5, 2, 0, 4], [9, 5, 4, 0]], dtype=float)
     part = {"fisher": [1.0, 2.0, 3.0, 4.0], "kullback_leibler": distances.tolist()}
-    figure = depths.predicted_depth_figure({"one slot": {"optimised": part, "random": part}}, METRES)
-    solid, dotted = figure.axes[1].lines
+    fewer = {"fisher": [1.0, 2.0], "kullback_leibler": [[0.0, 7.0], [8.0, 0.0]]}
+    predicted = {name: {"optimised": one, "random": one} for name, one in (("one slot", part), ("few planes", fewer))}
+    figure = depths.predicted_depth_figure(predicted, {"one slot": METRES, "few planes": METRES[:2]})
+    solid, dotted, other, _ = figure.axes[1].lines
+    np.testing.assert_array_equal(other.get_xydata(), np.stack([METRES[:2], [7, 8]], axis=1))
     np.testing.assert_array_equal(solid.get_ydata(), [3, 2, 2, 4])
     np.testing.assert_array_equal(solid.get_xdata(), METRES)
     assert (solid.get_label(), dotted.get_linestyle()) == ("one slot", ":")

@@ -19,6 +19,7 @@ from tmca.cameras import CAMERAS, load_cameras
 from tmca.data import read_dataset, read_scene
 from tmca.data.in_memory import bare_cube
 from tmca.data.scene_names import READING, compare_source
+from tmca.data.scenes import SCENE_KINDS
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
 from tmca.plots.estimates import estimate_figure
@@ -95,8 +96,10 @@ class Application(ABC):
     # Scenes
 
     def read(self, source: str, **reading: Any) -> Scene:
-        """A scene from a file, or a rendered one by name, labelled; see `tmca.data.read_scene`."""
-        return read_scene(source, self.kind, **reading)  # type: ignore[arg-type]
+        """A scene from a file, or a rendered one by name, labelled, see `tmca.data.read_scene`: as the cameras of this
+        package take it, of which the application is one or extends one; else what the scene is."""
+        kinds = (vars(base).get("kind") for base in type(self).__mro__)
+        return read_scene(source, next((kind for kind in kinds if kind in SCENE_KINDS), None), **reading)
 
     def scene(self, given: Any, camera: Any, where: str = "scene") -> Scene:
         """A scene as `tmca.simulate` and `tmca.evaluate` take it, labelled.

@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import torch
-from pydantic import Field, Json
 from torch import Tensor, nn
 
 from tmca.arguments import Count, FromArguments, Size, checked
-from tmca.attributes import Attributes, attributes_of
-from tmca.codes.files import Frame
-from tmca.errors import DataError, check_choice, check_shape
+from tmca.attributes import attributes_of
+from tmca.cameras.attributes import CameraAttributes
+from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, exposure_weight
 from tmca.sensor import Noise, Sensor
 from tmca.specs import CameraSpec
@@ -33,16 +32,6 @@ CAMERAS: dict[str, type[Camera]] = {}
 _AXES = {"band": "bands, rows, columns", "view": "rows and columns of views, rows, columns"}
 _CORNER = 64
 """Pixels along each side of codes that are shown."""
-
-
-class CameraAttributes(Attributes):
-    """What a file says of any camera; ``Sensor`` checks its own arguments, and ``size`` is where codes repeat."""
-
-    exposure: str
-    full_scale: float = Field(gt=0)
-    sensor: Json[dict[str, Any]]
-    buckets: Annotated[int, Field(ge=1, le=256)] = 1
-    size: Json[Frame] | None = None
 
 
 class Camera(Summary, FromArguments, nn.Module, ABC):
@@ -80,6 +69,20 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
         self.unbound = frozenset(name for name in self.from_scene if self._given.get(name) is None)
         self._cache: dict[str, tuple[tuple[object, ...], Any]] = {}
+
+    def __getattr__(self, name: str) -> Tensor | nn.Module:
+        """What torch holds; of a property that failed, which torch would say is not there, what it lacks."""
+        part = getattr(type(self), name, None)
+        if not isinstance(part, property):
+            return super().__getattr__(name)
+        assert part.fget is not None
+        try:
+            return part.fget(self)
+        except AttributeError as error:
+            where = f"{type(self).__name__}.{name}"
+            raise SettingError(
+                where, str(error), "all that it uses", "set it in __init__, before it is used"
+            ) from error
 
     @property
     @abstractmethod
@@ -288,6 +291,8 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
     def A_adjoint(self, snapshot: Any, depth: Any = None) -> Tensor:
         """Snapshot (B, C, H, W'), a tensor, an array or a `Snapshot` → scene, the transpose of ``A``."""
         snapshot, depth = self._recorded(snapshot, depth)
+        remedy = "give the camera as many buckets and channels, or take those of this camera"
+        check_shape("snapshot", snapshot, ("batch", *self.snapshot_shape), remedy)
         return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.scene_shape[:-2])
 
     def A_dagger(self, snapshot: Any, depth: Any = None) -> Tensor:

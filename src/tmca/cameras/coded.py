@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 import torch
-from pydantic import Json
 from torch import Tensor, nn
 
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import Camera, CameraAttributes
+from tmca.cameras.attributes import CodedAttributes
+from tmca.cameras.camera import Camera
 from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
-from tmca.codes.files import TILE, Axes, Frame, by_bucket, code_variables, tensors
+from tmca.codes.files import TILE, Axes, by_bucket, code_variables, tensors
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator, TapOperator, Taps
 from tmca.sensor import band_wavelengths, channel_weights
@@ -31,12 +31,6 @@ CORNER = 48
 """Pixels of codes that are drawn along each side."""
 CODING = tuple(Codes.__dataclass_fields__)
 """Parts of the description of codes, which constructors also take one by one."""
-
-
-class CodedAttributes(CameraAttributes):
-    """Of a camera with an aperture and a shutter."""
-
-    period: Json[Frame | None] = None
 
 
 class BandCamera(Camera):

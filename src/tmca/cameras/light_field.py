@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.coded import CodedAttributes, CodedCamera
+from tmca.cameras.attributes import CodedAttributes
+from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors

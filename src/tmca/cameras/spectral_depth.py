@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import CameraAttributes
+from tmca.cameras.attributes import CameraAttributes
 from tmca.cameras.coded import BandCamera
 from tmca.cameras.phase_settings import FAMILIES, phase_settings
 from tmca.cameras.sensor_tiles import exposed_in_tiles

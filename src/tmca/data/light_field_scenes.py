@@ -106,7 +106,7 @@ def true_disparity(
     """Disparity (y, x) of the centre view in px per view step, brought to the pixels of ``like``; None without."""
     size = (like.sizes["y"], like.sizes["x"])
     if not Path(source).exists():
-        return _rendered(source, like.sizes["view_v"], size, scale or 1, False)["disparity"]
+        return _rendered(source, 1, size, scale or 1, False)["disparity"]
     if find_disparity(source) is None:
         return None
     return read_disparity(source, crop=size, scale=scale, pattern=pattern)

@@ -21,7 +21,7 @@ from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.estimate import PRIOR, Estimate
-from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
+from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
@@ -57,7 +57,8 @@ class Decoder(WithSettings, ABC):
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
     the prior that it needs (``"gaussian"``, ``"mixture"``, ``"dictionary"`` or a kind of another package),
     ``deviation`` whether it can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
-    negative values are set to zero, and ``moving`` whether it estimates a scene for every slot.
+    negative values are set to zero, ``moving`` whether it estimates a scene for every slot, and ``needs_taps`` whether
+    it asks for ``camera.taps()``: cameras without have not got it.
     """
 
     name: ClassVar[str]
@@ -67,6 +68,7 @@ class Decoder(WithSettings, ABC):
     deviation: ClassVar[bool] = False
     clips: ClassVar[bool] = True
     moving: ClassVar[bool] = False
+    needs_taps: ClassVar[bool] = False
 
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
@@ -145,9 +147,7 @@ class Decoder(WithSettings, ABC):
     def _prepare(
         self, camera: Any, prior: Any, progress: Progress | None, *, many: bool, bank: Path | None = None
     ) -> Prepared:
-        if not decodes(type(self), camera.kind):
-            wanted = f"one of {', '.join(decoders_for(camera.kind))}"
-            raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
+        check_decodes(type(self), camera.kind)
         decoder = self._checked()
         chosen = decoder.find_prior(camera, prior, progress)
         start = time.perf_counter()

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import signal
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 from warnings import simplefilter, warn
@@ -28,6 +23,7 @@ from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.plugins import BrokenPlugin, source_digest
+from tmca.workers import in_processes
 
 _DIGEST = "digest"
 """Entry of a cell's file: of all the others."""
@@ -136,17 +132,7 @@ class Grid:
             for place, cell in enumerate(work):
                 yield place, _one_cell(*cell)
             return
-        with ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
-            running = {pool.submit(_cell_of_a_worker, *cell): place for place, cell in enumerate(work)}
-            try:
-                for future in as_completed(running):
-                    yield running[future], future.result()
-            except BaseException:
-                workers = list((pool._processes or {}).values())
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.terminate()  # a training writes a checkpoint first
-                raise
+        yield from in_processes(_one_cell, work, self.jobs, _without_warnings)
 
 
 def run_cells(
@@ -202,28 +188,9 @@ def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iter
             yield place, True
 
 
-def _worker(parent: int) -> None:
-    """One thread for the numbers, and another that stops the work when its parent is gone."""
-    import torch
-
-    torch.set_num_threads(1)
+def _without_warnings() -> None:
     for said_before in (SceneWarning, BrokenPlugin):  # where scenes were opened, and decoders looked up, first
         simplefilter("ignore", said_before)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1)
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _cell_of_a_worker(cell: Settings, file: Path, compute: Compute) -> bool:
-    """A cell; a process that is asked to stop takes no other one."""
-    try:
-        return _one_cell(cell, file, compute)
-    except KeyboardInterrupt:
-        os._exit(130)
 
 
 def _one_cell(cell: Settings, file: Path, compute: Compute) -> bool:

@@ -93,10 +93,11 @@ def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
     priors = {cell["prior_kind"]: cell["prior"] for cell in grid.run(plan.priors())}
     grid.check()
     lists = Lists(plan.train, test, priors, plan.places)
-    searches = plan.searches(lists)
+    searches, found = plan.searches(lists), dict[str, Measured]()
     for many in (True, False):  # a search of multiplexed codes contains that of the static ones
-        grid.run([cell for cell in searches.values() if (cell.settings.get("slots", 1) > 1) == many])
-    measured = grid.run([*searches.values()])
+        asked = [cell for cell in searches.values() if (cell.settings.get("slots", 1) > 1) == many]
+        found |= {cell["name"]: cell for cell in grid.run(asked)}
+    measured = [found[cell.name] for cell in searches.values() if cell.name in found]
     codes = plan.files(searches, measured)
     cells = plan.untrained(priors, codes)
     measured += grid.run(cells)

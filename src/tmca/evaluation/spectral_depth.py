@@ -347,8 +347,12 @@ class SpectralDepthEvaluation(CameraEvaluation):
 
     def study_figures(self, study: Study, measured: Sequence[Measured]) -> dict[str, Figure]:
         """See ``CameraEvaluation``: what searched masks predict over depth."""
-        predicted = {cell["code"]: cell["predicted"] for cell in measured if "confusion" in cell}
-        metres = self.probe(study.reading).planes.metres.numpy()
+        found = {cell["code"]: cell for cell in measured if "confusion" in cell}
+        cameras = {
+            code: self.build({"size": SIZE}, one["settings"]["camera"], one["sensor"]) for code, one in found.items()
+        }
+        metres = {code: camera.planes.metres.numpy() for code, camera in cameras.items()}
+        predicted = {code: one["predicted"] for code, one in found.items()}
         return {"fisher": predicted_depth_figure(predicted, metres)} if predicted else {}
 
 

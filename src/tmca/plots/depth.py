@@ -135,20 +135,22 @@ def _pair(
     depth_map(row[first + 1], scene[1], title="depth", limits=limits)
 
 
-def predicted_depth_figure(predictions: Mapping[str, Mapping[str, Mapping[str, Any]]], metres: np.ndarray) -> Figure:
+def predicted_depth_figure(
+    predictions: Mapping[str, Mapping[str, Mapping[str, Any]]], metres: Mapping[str, np.ndarray]
+) -> Figure:
     """Fisher information about inverse depth, and the distance of every plane from its nearest rival.
 
     Args:
         predictions: code → ``optimised`` and ``random`` → ``fisher`` (D,) and ``kullback_leibler`` (D, D).
-        metres: (D,) depths of the planes.
+        metres: code → (D,) depths of its planes.
     """
     figure, axes = panels(2, 5.0, 4.1)
     for index, (code, masks) in enumerate(predictions.items()):
         for style, part in (("-", "optimised"), (":", "random")):
             label = code if part == "optimised" else None
-            rivals = np.array(masks[part]["kullback_leibler"]) + np.diag(np.full(len(metres), np.inf))
+            rivals = np.array(masks[part]["kullback_leibler"]) + np.diag(np.full(len(metres[code]), np.inf))
             for axis, values in zip(axes, (masks[part]["fisher"], rivals.min(1)), strict=True):
-                axis.semilogy(metres, values, style, marker="o", markersize=3, color=f"C{index}", label=label)
+                axis.semilogy(metres[code], values, style, marker="o", markersize=3, color=f"C{index}", label=label)
     plain_axes(axes[0], "Fisher information (dotted: random masks)", "depth (m)", "information (m²)")
     plain_axes(axes[1], "Kullback–Leibler distance from the nearest rival", "depth (m)", "nats")
     figure.legend(*axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=7)
