@@ -25,7 +25,7 @@ TEXTS = {
 """Pages, and the files of the project that they show."""
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
-    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "testing", "errors"),
+    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "adapters", "testing", "errors"),
 )
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
 _IMAGE = re.compile(r"(!\[[^\]]*\]\()docs/")

@@ -13,11 +13,11 @@ import numpy as np
 from pydantic import ConfigDict
 from torch import Tensor
 
-from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data import read_dataset, read_scene
+from tmca.data.in_memory import bare_cube
 from tmca.data.scene_names import READING, compare_source
 from tmca.data.scenes import SCENE_KINDS
 from tmca.decoders import decoders_for, usual_decoder
@@ -115,7 +115,8 @@ class Application(ABC):
         if isinstance(given, str | Path):
             return self.read(str(given))
         if hasattr(given, "dims"):
-            return self.labelled(given, where)
+            bare = bare_cube(given)
+            return self.labelled(given, where) if bare is None else self.of_array(bare, camera, where)
         if not isinstance(given, Tensor | np.ndarray):
             raise DataError(where, described(given), "a scene", "read it with tmca.read")
         return self.of_array(given.numpy(force=True) if isinstance(given, Tensor) else given, camera, where)
@@ -219,7 +220,7 @@ class Application(ABC):
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:
         """What a camera shows, by the names in ``codes``."""
-        return {"codes": codes_figure(camera)}
+        return {"codes": camera.plot()}
 
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None

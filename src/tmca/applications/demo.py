@@ -226,16 +226,20 @@ class _Part:
             tell(step)
             snapshot = simulate(scene, trial.camera)
             snapshot.save(self.out / f"{trial.stem}_snapshot.nc", overwrite=self.overwrite)
-            estimate = decode(
-                snapshot,
-                trial.decoder,
-                progress=lambda done, what=None, step=step: tell(what or step),
-                **trial.settings,
-            )
+            estimate = decode(snapshot, trial.decoder, progress=_reporter(tell, step), **trial.settings)
             metrics = evaluate(estimate, scene)
             estimate.notes |= metric_notes(metrics)
             estimate.save(self.out / f"{trial.stem}_{estimate.decoder}.nc", overwrite=self.overwrite)
             yield Taken(trial, snapshot, estimate, metrics)
+
+
+def _reporter(tell: Callable[[str], None], step: str) -> Callable[..., None]:
+    """What a decoder calls with its progress, of which only what is done next is told."""
+
+    def report(share: float | None, what: str | None = None) -> None:
+        tell(what or step)
+
+    return report
 
 
 def _figures(one: Taken, scene: Any) -> dict[str, Any]:

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from tmca.applications.base import Application
-from tmca.applications.camera_figures import codes_figure, snapshot_figure
+from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.moving import FRAMES, MOTION
 from tmca.cameras import SpectralCamera
@@ -18,12 +17,12 @@ from tmca.data import Negative, read, rendered_scene, select_bands
 from tmca.data.cubes import label
 from tmca.data.fitting import fit_cube
 from tmca.data.formats.opening import open_contents
-from tmca.data.in_memory import as_cube, of_shape
+from tmca.data.in_memory import as_cube, as_tensors, even_bands, of_shape
 from tmca.decoders import Weights
 from tmca.errors import DataError
 from tmca.metrics import all_metrics
 from tmca.plots.cube import reconstruction_figure
-from tmca.sensor import Sensor, band_wavelengths
+from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -99,7 +98,7 @@ class SpectralDemo(Demo):
             f"{name}_snapshot.png": ("The time-multiplexed snapshot.", snapshot_figure(multiplexed, name)),
             f"{name}_codes.png": (
                 "Aperture T, shutter S, and the code T̂ that they make together (a corner).",
-                codes_figure(multiplexed.camera),
+                multiplexed.camera.plot(),
             ),
         }
 
@@ -118,7 +117,7 @@ class SpectralApplication(Application):
         """See ``Application``; bands that the camera does not know yet are spread evenly from 400 to 700 nm."""
         unknown = "bands" in getattr(camera, "unbound", ())
         cube = of_shape(values, ("L" if unknown else len(camera.wavelengths), "H", "W"), where)
-        return label(cube, np.array(band_wavelengths(len(cube)) if unknown else camera.wavelengths))
+        return label(cube, even_bands(len(cube), where) if unknown else np.array(camera.wavelengths))
 
     def parts(self, scene: xr.DataArray) -> dict[str, Any]:
         return {"bands": scene["wavelength"].values.tolist(), "size": (scene.sizes["y"], scene.sizes["x"])}
@@ -128,7 +127,7 @@ class SpectralApplication(Application):
         return fit_cube(scene, camera.wavelengths, camera.size, where)
 
     def tensors(self, scene: xr.DataArray) -> tuple[Tensor, ...]:
-        return (torch.from_numpy(np.array(scene.values, dtype=np.float32))[None],)
+        return as_tensors(scene)
 
     def truth(
         self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -21,10 +21,12 @@ from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
 from tmca.dbd.planes import delay_doppler_planes
-from tmca.dbd.recovery import Recovery
 from tmca.dbd.simulation import carriers
 from tmca.dbd.waveforms import Waveform, with_waveforms
 from tmca.errors import DataError, TmcaError, check_shape
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 KIND = "dual blind deconvolution"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")

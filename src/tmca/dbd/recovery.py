@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,14 +13,16 @@ from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
 from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
+from tmca.summaries import Summary, as_numpy, sizes
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Recovery:
+@dataclass(frozen=True, repr=False)
+class Recovery(Summary):
     """The answer to a problem.
 
     Args:
@@ -100,6 +102,36 @@ class Recovery:
     def delays_s(self) -> dict[str, Real]:
         """Per source the delays in seconds; needs units."""
         return {one.name: one.points[:, 0] * self._units().delay_s for one in self.sources}
+
+    def plot(self) -> Figure:
+        """Norms of the dual polynomials over delay and Doppler, with the recovered paths, and the true where known."""
+        from tmca.dbd.planes import planes
+        from tmca.plots.dbd import Plane, planes_figure
+
+        return planes_figure([Plane(**plane) for plane in planes(self)])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        """(n, 3) delay, Doppler and angle of all paths, source after source."""
+        return as_numpy(np.concatenate([one.points for one in self.sources]), dtype, copy)
+
+    def _facts(self) -> dict[str, str]:
+        counts = (f"{one.name} {len(one)} path{'s'[: len(one) != 1]}" for one in self.sources)
+        return {
+            "problem": f"{sizes(self.problem.shape)} (antennas, pulses, frequencies)",
+            "paths": ", ".join(counts),
+            "unexplained": "nothing: an exact fit" if self.exact else f"{self.unexplained:.2g} of the energy",
+            "doubt": self.doubt or "",
+            "certificate": self.certificate_status,
+            "noise": "not known" if self.sigma is None else f"{self.sigma:.3g}" if self.sigma else "none",
+            "method": f"{self.method}, {self.seconds:.2g} s",
+            "notes": "; ".join(self.notes),
+        }
+
+    def _picture(self) -> Figure:
+        from tmca.dbd.planes import planes
+        from tmca.plots.dbd import Plane, small_planes_figure
+
+        return small_planes_figure([Plane(**plane) for plane in planes(self)])
 
     def _units(self) -> Units:
         if self.problem.units is None:

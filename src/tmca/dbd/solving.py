@@ -28,6 +28,7 @@ from tmca.dbd.model import (
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
 from tmca.errors import SettingError, check_choice, check_range
+from tmca.progress import Asked, reporting
 
 METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
@@ -51,7 +52,7 @@ def solve(
     early: bool = True,
     accuracy: float = 1e-5,
     solver: str = "CLARABEL",
-    progress: Callable[..., None] | None = None,
+    progress: Asked = None,
 ) -> Recovery:
     """Finds the paths and signals of every source.
 
@@ -67,7 +68,8 @@ def solve(
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         accuracy: relative residual at which ``sdp`` ends; the value of the programme is about ten times as inexact.
         solver: CVXPY's name of the solver.
-        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``.
+        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``; True for a bar, False for
+            none; None for one that is shown after a second in a terminal or a notebook.
 
     Returns:
         The recovery; ``found``, ``exact`` and ``certified`` are separate statements.
@@ -96,7 +98,8 @@ def solve(
         solution = frank_wolfe(problem)
     else:
         _check_dual(problem, method, gram, solver)
-        solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
+        with reporting(progress, method) as report:
+            solution = _by_dual(problem, method, gram, early, accuracy, solver, report)
     recovery = _recovery(problem, method, solution, certify, began)
     if recovery.doubt:
         warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)

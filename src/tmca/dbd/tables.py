@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import Problem
 from tmca.dbd.paths import coordinates, finite, path_names, path_rows, quantities
-from tmca.dbd.recovery import Recovery
 from tmca.dbd.separation import joint_separation
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 _NORMALISED = (("delay", "delay", 1.0, 6), ("doppler", "doppler", 1.0, 6), ("angle", "angle", 1.0, 6))
 _PHYSICAL = (

@@ -56,3 +56,7 @@ __all__ = [
     "search_masks",
     "throughput_of",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -9,6 +9,7 @@ _FACE = {
     "SpectralDepthEvaluation": "spectral_depth",
     "SpectralEvaluation": "spectral",
     "Study": "study",
+    "StudyResults": "outcome",
     "Sweep": "sweep",
     "checked_study": "study",
     "evaluation_of": "camera",
@@ -26,3 +27,7 @@ def __getattr__(name: str) -> Any:
     if name in _FACE:
         return getattr(import_module(f"{__name__}.{_FACE[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -13,13 +13,15 @@ from tmca.decoders import decoders
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
-from tmca.evaluation.grid import CellsFailed, Grid, Measured, Settings, Timed
+from tmca.evaluation.grid import CellsFailed, Grid, Measured, Settings
+from tmca.evaluation.outcome import StudyResults
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
-from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.evaluation.tables import Split, check_counts, check_decoders, check_new, check_weights, write_table
 from tmca.lab.decoder_files import loaded
+from tmca.progress import Asked, counting
 
 
 def run_study(
@@ -31,9 +33,9 @@ def run_study(
     cluster: Settings | None = None,
     device: str | None = None,
     overwrite: bool = False,
-    progress: Timed | None = None,
+    progress: Asked = None,
     command: Sequence[str] = (),
-) -> Row:
+) -> StudyResults:
     """Measure every code, noise and decoder of a study on its test scenes.
 
     Args:
@@ -44,11 +46,12 @@ def run_study(
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
-        progress: called with (done, all, name, seconds left) after each cell.
+        progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
+            one that is shown after a second in a terminal or a notebook.
         command: how the run was called, written into the results.
 
     Returns:
-        What the JSON file holds.
+        What the JSON file holds, as a dictionary that a notebook shows as a table with bars.
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
@@ -72,9 +75,9 @@ def run_study(
     check_new([out / name for name in files], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
-    with held_folder(work):
+    with held_folder(work), counting(progress, f"study {study.name}") as report:
         computing = partial(compute, folder=str(work), device=device, files=loaded(study.decoders))
-        grid = Grid(computing, work, jobs, cluster, progress)
+        grid = Grid(computing, work, jobs, cluster, report)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):
@@ -85,6 +88,8 @@ def run_study(
         columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
         write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
+        merit = study.evaluation.metric
+        found = StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))
         write_paper(study, found, measured, out, overwrite)
         try:
             grid.check()

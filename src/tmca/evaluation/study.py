@@ -17,6 +17,7 @@ from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.study_parts import Code, Motion, PublishedTable, Scenes, StudyNetwork, TrainStage
 from tmca.evaluation.tables import decoder_labels
 from tmca.sensor import Sensor
+from tmca.summaries import Summary
 from tmca.yaml_files import read_yaml
 
 SHIPPED = Path(__file__).parent / "studies"
@@ -25,7 +26,7 @@ INHERITED = ("settings", "options", "networks", "labels", "search", "train", "pr
 """What a study has from the shipped one of its camera where it says nothing."""
 
 
-class Study(BaseModel):
+class Study(Summary, BaseModel):
     """What is compared.
 
     Args:
@@ -88,6 +89,15 @@ class Study(BaseModel):
     decoder_pairs: tuple[tuple[str, str], ...] = ()
     bases: dict[str, tuple[str, ...]] = {}
     published: PublishedTable | None = None
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "study": f"{self.name}, {self.camera} camera",
+            "codes": ", ".join(self.codes),
+            "noises": ", ".join(self.noises),
+            "decoders": ", ".join(self.decoders),
+            "scenes": ", ".join(name for name, _ in zip(self.scenes.test, range(6), strict=False)),
+        }
 
     def tile(self) -> tuple[int, int]:
         """(rows, columns) of the period of searched and learned codes."""

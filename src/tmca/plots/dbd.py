@@ -155,6 +155,19 @@ def _enlarged(planes: Sequence[Plane]) -> float:
     return next((factor for factor in _FACTORS if factor >= wanted), _FACTORS[-1])
 
 
+def small_planes_figure(planes: Sequence[Plane]) -> Figure:
+    """Polynomials as a row of small pictures, without bar and legend: crosses are recovered paths, rings true ones."""
+    figure = blank_figure(min(2.6 * len(planes), 6.2), 2.5)
+    top, look = max(1.0, *(float(plane.norms.max()) for plane in planes)), _Look()
+    for axis, plane in zip(figure.subplots(1, len(planes), squeeze=False)[0], planes, strict=True):
+        _label(axis, plane, plane.title.partition(":")[0], "‖f‖ / weight", look)
+        if plane.norms.ndim == 2:
+            _draw_image(axis, plane, plane.norms, (0.0, top), 1.0, look)
+        else:
+            _draw_line(axis, plane, plane.norms, 1.0, look)
+    return figure
+
+
 def _draw_image(axis: Axes, plane: Plane, values: Values, span: tuple[float, float], factor: float, look: _Look) -> Any:
     from matplotlib.patheffects import withStroke
 

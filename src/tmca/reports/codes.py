@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
-from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
 from tmca.arguments import checked
 from tmca.cameras import CodedCamera
@@ -274,7 +273,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
         Section("Every number of slots", survey, record["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
-        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, record["period"])}),
+        Section("The codes", codes, figures={"One period": advice.best.design.camera.plot(record["period"])}),
     ]  # fmt: skip
 
 

@@ -5,3 +5,7 @@ from tmca.testing.decoders import check_decoder
 from tmca.testing.operators import check_operator
 
 __all__ = ["check_camera", "check_decoder", "check_operator"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

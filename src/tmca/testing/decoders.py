@@ -105,7 +105,7 @@ def shapes_are_as_stated_and_equal_snapshots_have_equal_estimates(case: DecoderC
     if case.decoder.deviation:
         say(first.deviation is not None, "no deviation, though it was asked for")
         same_shape(tensors(first)["deviation"].shape, shape, "the deviation")
-    say(first.decoder == case.decoder.name and len(repr(first)) < 200, f"an estimate is said to be {first!r}")
+    say(first.decoder == case.decoder.name and len(repr(first)) < 500, f"an estimate is said to be {first!r}")
 
 
 def a_batch_is_its_snapshots_one_by_one(case: DecoderCase) -> None:

@@ -3,3 +3,7 @@
 from tmca.viewer.viewing import Viewer, view, write_static
 
 __all__ = ["Viewer", "view", "write_static"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
