@@ -256,12 +256,14 @@ def no_light_field(contents: Contents, variable: str | None = None) -> DataError
 
 USUAL = "gt_disp_lowres.pfm"
 """The HCI benchmark's disparity at the size of its views."""
+ESTIMATED = "estimated"
+"""Attribute, 1, of a disparity that was matched from the views beside it: it is not the true one."""
 _MEND = "mend the map, or take it away to go without"
 
 
 def find_disparity(folder: str | Path) -> Path | None:
     """The disparity map of a folder of views: `USUAL`, or the only ``.pfm`` with ``disp`` in its name; of a labelled
-    file, the file itself if it holds ``disparity``."""
+    file, the file itself if it holds ``disparity`` that is not estimated from its own views."""
     folder = Path(folder)
     if folder.suffix.lower() in LABELLED or not folder.is_dir():
         return folder if _holds_disparity(folder) else None
@@ -275,7 +277,7 @@ def _holds_disparity(path: Path) -> bool:
     if path.suffix.lower() not in LABELLED or not path.exists():
         return False
     with open_labelled(path) as stored:
-        return "disparity" in stored.data_vars
+        return "disparity" in stored.data_vars and not stored["disparity"].attrs.get(ESTIMATED)
 
 
 def read_disparity(

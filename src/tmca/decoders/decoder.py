@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from html import escape
 from io import BytesIO
 from math import prod
@@ -108,15 +109,23 @@ class Estimate:
         labelled: xr.DataArray = self.camera.label(values, meaning)
         return labelled
 
+    @cached_property
+    def maps(self) -> dict[str, xr.DataArray]:
+        """What the views of a light field show, computed once it is asked for: ``disparity`` (px per view step),
+        ``confidence`` and ``all_in_focus``, see `tmca.metrics.Geometry`; nothing of other scenes."""
+        from tmca.decoders.view_maps import view_maps
+
+        return view_maps(self.to_xarray())
+
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write `to_xarray` as NetCDF, whole or not at all.
+        """Write `to_xarray` and, of a light field, its `maps` as NetCDF, whole or not at all.
 
         Raises:
             OutputError: the file exists, or cannot be written.
         """
         from tmca.data import write_dataset
 
-        return write_dataset(self.to_xarray(), path, overwrite=overwrite)
+        return write_dataset(self.to_xarray().assign(self.maps), path, overwrite=overwrite)
 
     def plot(self, truth: Any = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.

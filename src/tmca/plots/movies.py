@@ -9,7 +9,8 @@ import numpy as np
 
 from tmca.plots.cube import rgb_composite, white_level
 from tmca.plots.style import grid, image
-from tmca.plots.views import brightest, colour_views, shown
+from tmca.metrics.refocusing import colour_views
+from tmca.plots.views import brightest, shown
 
 if TYPE_CHECKING:
     import xarray as xr
