@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +10,13 @@ import numpy as np
 
 from tmca.applications.base import application_of
 from tmca.data import describe, load_light_field
-from tmca.data.light_fields import VIEW_DIMS, read_light_field
+from tmca.data.light_fields import VIEW_DIMS, find_light_field, load_views, open_light_field, read_light_field
 from tmca.decoders import Estimate
 from tmca.decoders.view_maps import view_maps
 from tmca.errors import DataError, SettingError
+from tmca.metrics import disparity_range
 from tmca.metrics import refocus as refocused
+from tmca.metrics.refocusing import has_parallax
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -25,6 +27,8 @@ else:
     LightField = Any
 
 UNIT = "px per view step"
+_VIEWS, _SIDE = 5, 160
+"""Views, and pixels along the shorter side, that a range of disparities is read from."""
 
 
 def refocus(light_field: LightField, disparity: float | Sequence[float], **reading: Any) -> xr.DataArray:
@@ -118,8 +122,28 @@ def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
     facts = about["light_field"]
     most = min(facts["views"])
     square = facts["views"][0] == facts["views"][1] and most % 2
-    how = reading if square else {"views": most - (most % 2 == 0), **reading}
-    return read_light_field(source, colour=facts["colour"], **how)
+    views = reading.pop("views", None if square else most - (most % 2 == 0))
+    with open_light_field(source, **reading) as contents:
+        stored = find_light_field(contents)
+        assert stored is not None  # as it was described
+        estimated = "decoder" in contents.attrs  # whose values are relative irradiance already
+        divide_by = 1.0 if estimated else None
+        return load_views(contents, stored, views=views, colour=facts["colour"], divide_by=divide_by)
+
+
+def disparity_seen(path: str | Path, facts: Mapping[str, Any], **reading: Any) -> tuple[float, float] | None:
+    """The range of disparities that the views of a file show (5 to 95 %), px per view step; None without texture.
+
+    Args:
+        path: of a light field.
+        facts: ``light_field`` of what `tmca.data.describe` says of it.
+        reading: ``pattern`` and ``lens`` that it was described with.
+    """
+    most = min(_VIEWS, *facts["views"])
+    views, scale = most - (most % 2 == 0), max(1, round(min(facts["size"]) / _SIDE))
+    small = read_light_field(path, views=views, scale=scale, **reading).values
+    seen = disparity_range(small) if has_parallax(small) else None
+    return None if seen is None else (scale * seen[0], scale * seen[1])
 
 
 def _name(given: Any) -> str:

@@ -96,9 +96,16 @@ def light_field(
     """
     choice = CameraChoice(camera, sensor, bench)
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
-    taken = _taken(choice, how, (scene,), calibration, hardware, output, centre_assumed)
+    left_out: list[str] = []
+
+    def said(light_field: Any) -> None:
+        centre_assumed(light_field)
+        if not reading.colour and light_field.attrs.get("source_colours") == 3:
+            left_out.append(" in grey (--colour keeps the scene's colours)")
+
+    taken = _taken(choice, how, (scene,), calibration, hardware, output, said)
     views = list(taken[0].camera.views)
-    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views")
+    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views{''.join(left_out)}")
 
 
 @app.command

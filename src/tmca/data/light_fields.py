@@ -69,7 +69,8 @@ def read_light_field(
 
     Returns:
         dims ``(view_v, view_u, y, x)``, or ``(colour, view_v, view_u, y, x)``, float32; coordinates ``view_v`` and
-        ``view_u`` centred on 0; attrs ``name``, ``source``, ``pattern`` and ``grid`` (rows and columns of the source).
+        ``view_u`` centred on 0; attrs ``name``, ``source``, ``pattern``, ``grid`` (rows and columns of the source)
+        and ``source_colours`` (3 or 1).
 
     Raises:
         DataError: missing, extra, broken or unequal views, a grid that is not square or even, or not-finite pixels.
@@ -154,6 +155,7 @@ def load_views(
         "source": str(contents.path),
         "pattern": contents.attrs.get("pattern") or stored.attrs.get("pattern") or contents.format,
         "grid": list(grid),
+        "source_colours": len(COLOURS) if has_colour(stored) else 1,
         "scale": by,
         "scale_from": scaled,
     }

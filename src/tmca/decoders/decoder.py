@@ -25,6 +25,7 @@ from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
+from tmca.decoders.view_maps import view_maps
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
@@ -89,9 +90,8 @@ class Estimate:
         for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
             if plane is not None:
                 maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
-                several = len(maps) > 1
-                dims = ("snapshot", "y", "x") if several else ("y", "x")
-                parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)
+                dims = ("snapshot", "y", "x") if len(maps) > 1 else ("y", "x")
+                parts[name] = xr.DataArray(maps if len(maps) > 1 else maps[0], dims=dims, attrs=about)
         return xr.Dataset(parts, attrs=attrs)
 
     def _label(self, values: Tensor, meaning: str) -> xr.DataArray:
@@ -111,10 +111,7 @@ class Estimate:
 
     @cached_property
     def maps(self) -> dict[str, xr.DataArray]:
-        """What the views of a light field show, computed once it is asked for: ``disparity`` (px per view step),
-        ``confidence`` and ``all_in_focus``, see `tmca.metrics.Geometry`; nothing of other scenes."""
-        from tmca.decoders.view_maps import view_maps
-
+        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`."""
         return view_maps(self.to_xarray())
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:

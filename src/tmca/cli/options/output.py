@@ -24,17 +24,6 @@ Figure = Annotated[Path | None, Parameter(help="Write a picture (PNG).")]
 """Options of many commands."""
 
 
-_MORE, _LESS, _SPAN = "higher is better", "lower is better", "at most 1, higher is better"
-_METRICS = {
-    "psnr": f"dB, {_MORE}", "psnr_min": f"dB, of the worst view, {_MORE}", "psnr_max": f"dB, of the best view, {_MORE}",
-    "ssim": _SPAN, "uiqi": _SPAN, "sam": f"degrees, {_LESS}", "ergas": f"%, relative error, {_LESS}",
-    "dd": f"mean absolute error, {_LESS}",
-    "disparity_mae": f"pixels from view to view, {_LESS}", "disparity_badpix": f"share of pixels, {_LESS}",
-    "depth_mae": f"m, {_LESS}", "depth_rmse": f"m, {_LESS}", "within_bin": f"share of pixels, {_MORE}",
-}  # fmt: skip
-"""Units of metrics, and which way is better."""
-
-
 @Parameter(name="*", group=Group("Output", sort_key=6))
 @dataclass(frozen=True)
 class OutputOptions:
@@ -57,7 +46,9 @@ def say(report: Any, json: bool, *lines: str) -> None:
 
 def meaning(metric: str) -> str:
     """Unit of a metric and which way is better, in brackets; nothing of a camera's own."""
-    known = _METRICS.get(metric)
+    from tmca.metrics import meaning as in_words
+
+    known = in_words(metric)
     return f"({known})" if known else ""
 
 
