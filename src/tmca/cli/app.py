@@ -17,6 +17,7 @@ COMMANDS = {
     "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
     "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot file."),
     "refocus": ("refocus:refocus", "Focus a light field after the exposure: photographs, a sweep, all in focus."),
+    "point-cloud": ("point_cloud:point_cloud", "A scene with depth as coloured points (PLY)."),
     "decoders": ("decoders:decoders", "List the decoders of every camera, the priors they need and their settings."),
     "evaluate": ("evaluate:app", "Compare an estimate with the truth, by every metric."),
     "train": ("train:app", "Learn a camera's codes and its decoder together, or fine-tune on captures."),

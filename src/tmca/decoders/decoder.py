@@ -25,7 +25,7 @@ from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
-from tmca.decoders.view_maps import view_maps
+from tmca.decoders.view_maps import focal_length, view_maps
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
@@ -86,7 +86,7 @@ class Estimate:
         if self.deviation is not None:
             parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
-            attrs[PLANES] = json.dumps(asdict(self.camera.planes))
+            attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
         for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
             if plane is not None:
                 maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}

@@ -1,4 +1,4 @@
-"""What the views of an estimated light field show of the scene, as labelled maps beside them."""
+"""What an estimate's file holds beside the scene: maps that the views of a light field show, the focal length."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data import ESTIMATED
+from tmca.data.point_cloud import FOCAL
 from tmca.metrics.refocusing import has_parallax, view_geometry
 
 if TYPE_CHECKING:
@@ -17,6 +18,13 @@ _MAPS = {
     "confidence": {"units": "1", "long_name": "how clearly no other disparity fits, 0 to 1"},
     "all_in_focus": {"units": "1", "long_name": "centre view, mean over the views along the disparity"},
 }
+
+
+def focal_length(camera: Any) -> dict[str, float]:
+    """Attribute of an estimate with depth: distance from the aperture to the sensor in pixels, where it is known."""
+    bench = getattr(camera, "bench", None)
+    distance, pitch = getattr(bench, "distance", 0.0), getattr(bench, "pitch", 0.0)
+    return {FOCAL: distance / pitch} if distance > 0 and pitch > 0 else {}
 
 
 def view_maps(stored: xr.Dataset) -> dict[str, xr.DataArray]:

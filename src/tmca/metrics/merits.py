@@ -11,18 +11,18 @@ class Merit:
 
     Args:
         unit: such as ``dB``; empty of a number without one.
-        higher: whether more is better.
+        higher: whether more is better; None of what says no more than what was measured.
         about: what it is, where its name does not say.
     """
 
     unit: str
-    higher: bool
+    higher: bool | None
     about: str = ""
 
     @property
     def direction(self) -> str:
         """Which way is better, in words."""
-        return "higher is better" if self.higher else "lower is better"
+        return "" if self.higher is None else "higher is better" if self.higher else "lower is better"
 
     @property
     def meaning(self) -> str:
@@ -45,6 +45,7 @@ MERITS: dict[str, Merit] = {
     "depth_mae": Merit("m", False),
     "depth_rmse": Merit("m", False),
     "within_bin": Merit("", True, "share of pixels"),
+    "known_depth": Merit("", None, "share of pixels whose true depth is known"),
 }
 """Figures of merit by name, those of all cameras of this package."""
 _SIGNS = {"degrees": "°"}

@@ -34,4 +34,5 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
 
 
 def _direction(metric: str) -> str:
-    return f" ({MERITS[metric].direction})" if metric in MERITS else ""
+    better = MERITS[metric].direction if metric in MERITS else ""
+    return f" ({better})" if better else ""
