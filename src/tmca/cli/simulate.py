@@ -15,7 +15,7 @@ from tmca.cli.progress import progress_bar
 from tmca.cli.sweep import one_value
 from tmca.errors import SettingError
 from tmca.specs import (
-    CubeReading,
+    BandsReading,
     DepthReading,
     Hardware,
     LightFieldReading,
@@ -29,7 +29,7 @@ from tmca.specs import (
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _SENSOR = OutputOptions(), SensorSpec()
-_CUBE, _VIEWS, _DEPTH = CubeReading(), LightFieldReading(), DepthReading()
+_CUBE, _VIEWS, _DEPTH = BandsReading(), LightFieldReading(), DepthReading()
 _SPECTRAL, _LIGHT_FIELD, _SPECTRAL_DEPTH = SpectralSpec(), LightFieldSpec(), SpectralDepthSpec()
 _PLACE, _BENCH = MaskPlaceSpec(), PhaseBenchSpec()
 _CALIBRATION = """Of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
@@ -45,7 +45,7 @@ def spectral(
     all_bands: bool = False,
     motion: str | None = None,
     calibration: Calibration = None,
-    reading: Annotated[CubeReading, READING] = _CUBE,
+    reading: Annotated[BandsReading, READING] = _CUBE,
     camera: Annotated[SpectralSpec, CAMERA] = _SPECTRAL,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
     hardware: Faults = None,
