@@ -51,7 +51,8 @@ def view_geometry(light_field: Any) -> Geometry:
         ShapeError, SettingError: as of `tmca.metrics.estimate_disparity`.
     """
     values = np.asarray(light_field)
-    disparity, confidence = match_views(values, _search_limits(values))
+    limits = _search_limits(values) if has_parallax(values) else (-1.0, 1.0)  # what has none is refused by the next
+    disparity, confidence = match_views(values, limits)
     return Geometry(disparity, confidence, all_in_focus(values, disparity))
 
 
