@@ -75,7 +75,9 @@ def test_an_estimate_carries_what_its_views_show(folder, capsys):
 
 def test_what_cannot_be_focused_is_refused(folder, capsys):
     write_dataset(label_light_field(np.full((1, 1, 8, 8), 0.5)), folder / "single.nc", overwrite=True)
-    assert "--sweep: found --disparity beside it" in refused(capsys, "refocus", "views.nc", "--sweep", 3, "--disparity", 1)
+    assert "--sweep: found --disparity beside it" in refused(
+        capsys, "refocus", "views.nc", "--sweep", 3, "--disparity", 1
+    )
     assert "--disparity: found 'a'" in refused(capsys, "refocus", "views.nc", "--disparity", "a")
     assert "--sweep: found 1" in refused(capsys, "refocus", "views.nc", "--sweep", 1)
     assert ".gif: found one photograph" in refused(capsys, "refocus", "views.nc", "--all-in-focus", "--out", "a.gif")

@@ -8,8 +8,8 @@ import xarray as xr
 
 import tmca
 from tmca.errors import DataError, SettingError
-from tmca.viewer import items
 from tmca.plots.cube import rgb_bands
+from tmca.viewer import items
 from tmca.viewer.items import Axis, Layer, thinning, usual_span
 from tmca.viewer.opening import open_items
 

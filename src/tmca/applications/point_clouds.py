@@ -57,7 +57,9 @@ def point_cloud(
     sure = None
     if least_confidence > 0:
         if "confidence" not in scene:
-            raise SettingError("confidence", f"{least_confidence:g}", "none: this depth has no confidence", "leave it out")
+            raise SettingError(
+                "confidence", f"{least_confidence:g}", "none: this depth has no confidence", "leave it out"
+            )
         sure = scene["confidence"].values >= least_confidence
     points, colours = points_of(depth, picture, focal, sure)
     if not len(points):

@@ -85,7 +85,9 @@ def all_in_focus(light_field: LightField, **reading: Any) -> xr.Dataset:
     views = light_field_of(light_field, **reading)
     maps = view_maps(views.to_dataset(name="estimate"))
     if not maps:
-        found = f"{views.sizes['view_v']} × {views.sizes['view_u']} views of {views.shape[-2]} × {views.shape[-1]} pixels"
+        found = (
+            f"{views.sizes['view_v']} × {views.sizes['view_u']} views of {views.shape[-2]} × {views.shape[-1]} pixels"
+        )
         raise DataError(_name(light_field), found, "several views, of 4 × 4 pixels or more")
     return xr.Dataset(maps)
 

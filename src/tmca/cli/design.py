@@ -15,8 +15,8 @@ from tmca.cli.options.output import Json, Overwrite, check_figure, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.specs import (
-    CodeSearchSpec,
     BandsReading,
+    CodeSearchSpec,
     LightFieldSpec,
     LightFieldsReading,
     MaskCameraSpec,

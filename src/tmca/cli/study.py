@@ -26,4 +26,4 @@ def study(file: Path, /, *, out: Path = Path("results"), work: Path | None = Non
 
     asked = read_study(file)
     found = run_study(asked, out, work or Path("runs") / f"study-{asked.name}", progress=cell_done, **grid.how())
-    say(found, grid.json, (out / f"{asked.name}.md").read_text().rstrip())
+    say(found, grid.json, (out / f"{asked.name}.md").read_text().rstrip(), markdown=grid.markdown)

@@ -170,7 +170,8 @@ def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataAr
 
 
 def _covering(cube: xr.DataArray, targets: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """Nanometres of the bands, which must cover the targets, if there are any: half a band beyond the outermost centres, 10 nm of one."""
+    """Nanometres of the bands, which must cover the targets, if there are any: half a band beyond the outermost
+    centres, 10 nm of one."""
     where = cube.attrs.get("source", "cube")
     if "wavelength" not in cube.coords or cube.coords["wavelength"].dims != ("wavelength",):
         raise DataError(where, "no wavelength coordinate", "a cube from tmca.data.read")

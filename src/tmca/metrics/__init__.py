@@ -20,8 +20,8 @@ from tmca.metrics.merits import MERITS, Merit, meaning, with_unit
 from tmca.metrics.refocusing import Geometry, all_in_focus, disparity_range, refocus, view_geometry
 
 __all__ = [
-    "Geometry",
     "MERITS",
+    "Geometry",
     "Merit",
     "all_in_focus",
     "all_metrics",

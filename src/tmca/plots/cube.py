@@ -28,8 +28,8 @@ _COLUMNS, _BANDS, _POINTS, _LINES = 4, 6, 3, 5
 
 
 def rgb_bands(wavelengths: Sequence[float]) -> tuple[int, int, int]:
-    """Indices of the bands shown as red, green and blue: those nearest to 650, 550 and 480 nm; where two of them are the
-    same, as of bands that no eye sees, three that are spread over all from long to short."""
+    """Indices of the bands shown as red, green and blue: those nearest to 650, 550 and 480 nm; where two of them are
+    the same, as of bands that no eye sees, three that are spread over all from long to short."""
     axis = np.asarray(wavelengths)
     red, green, blue = (int(np.abs(axis - w).argmin()) for w in RGB_WAVELENGTHS)
     if len({red, green, blue}) < 3 <= len(axis):

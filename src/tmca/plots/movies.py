@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, white_level
 from tmca.plots.style import grid, image
-from tmca.metrics.refocusing import colour_views
 from tmca.plots.views import brightest, shown
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from tmca.cli.options.numbers import On
+from tmca.cli.options.tables import print_text
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -39,9 +40,12 @@ class OutputOptions:
     "Print JSON instead of text."
 
 
-def say(report: Any, json: bool, *lines: str) -> None:
-    """Print a result as JSON, or in lines for people."""
-    print(dumps(report, indent=1) if json else "\n".join(lines))
+def say(report: Any, json: bool, *lines: str, markdown: bool = False) -> None:
+    """Print a result as JSON, or in lines for people; their tables are drawn in a terminal, unless as Markdown."""
+    if json:
+        print(dumps(report, indent=1))
+    else:
+        print_text("\n".join(lines), markdown)
 
 
 def meaning(metric: str) -> str:
