@@ -1,5 +1,6 @@
 """Markdown tables are drawn in a terminal, and stay as they are in a pipe."""
 
+import re
 import sys
 
 import pytest
@@ -19,7 +20,7 @@ def test_markdown_stays(capsys, monkeypatch, terminal, markdown):
 def test_a_terminal_shows_tables(capsys, monkeypatch):
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
     say({}, False, TEXT)
-    said = capsys.readouterr().out.splitlines()
+    said = re.sub(r"\x1b\[\d*m", "", capsys.readouterr().out).splitlines()
     assert said[0] == "# Title"
     assert said[-1] == "last line"
     [row] = [line for line in said if "31.20" in line]

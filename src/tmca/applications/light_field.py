@@ -195,16 +195,16 @@ class LightFieldApplication(Application):
         title: str = "",
     ) -> dict[str, Figure | np.ndarray]:
         """See ``Application``; also disparity, refocused photographs, and a walk over the views."""
-        views, seen = estimate["estimate"], {}
-        if "disparity" in estimate:
-            real = _usable_disparity(truth, views)
-            maps = (estimate[name].values for name in ("all_in_focus", "disparity", "confidence"))
-            seen["_disparity.png"] = geometry_figure(*maps, real, f"{title}: {estimate.attrs['decoder']}")
-        above = f"{title}: refocused, disparity in px per view"
+        views = estimate["estimate"]
         known = estimate["disparity"].values if "disparity" in estimate else None
-        strip = refocus_strip(views.values, focus_steps(views, known), above)
         drawn = super().figures(estimate, camera, truth, snapshot, title)
-        return {**drawn, **seen, "_refocus.png": strip, ".gif": views.values}
+        if known is not None:
+            sharp, sure = estimate["all_in_focus"].values, estimate["confidence"].values
+            above, real = f"{title}: {estimate.attrs['decoder']}", _usable_disparity(truth, views)
+            drawn["_disparity.png"] = geometry_figure(sharp, known, sure, real, above)
+        above = f"{title}: refocused, disparity in px per view"
+        strip = refocus_strip(views.values, focus_steps(views, known), above)
+        return {**drawn, "_refocus.png": strip, ".gif": views.values}
 
 
 def _usable_disparity(truth: xr.DataArray | None, like: xr.DataArray) -> np.ndarray | None:

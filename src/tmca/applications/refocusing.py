@@ -54,7 +54,7 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
     import xarray as xr
 
     views = light_field_of(light_field, **reading)
-    steps = [disparity] if np.ndim(disparity) == 0 else list(disparity)  # type: ignore[arg-type]
+    steps: list[Any] = [disparity] if np.ndim(disparity) == 0 else list(disparity)  # type: ignore[arg-type]
     if not steps or not all(isinstance(step, int | float | np.number) and np.isfinite(step) for step in steps):
         raise SettingError("disparity", repr(disparity), f"numbers in {UNIT}, such as -1,0,1")
     dims = [str(dim) for dim in views.dims if dim not in VIEW_DIMS[:2]]

@@ -36,9 +36,12 @@ class Geometry(NamedTuple):
 
 def has_parallax(light_field: Any) -> bool:
     """Whether disparity can be estimated: an odd grid of more than one view, 4 × 4 pixels or more, finite values."""
-    *_, rows, columns, height, width = (0, *np.shape(light_field)[-4:])
+    shape = np.shape(light_field)
+    if len(shape) not in (4, 5):
+        return False
+    rows, columns, height, width = shape[-4:]
     odd = rows % 2 == columns % 2 == 1 and rows * columns > 1 and min(height, width) >= 4
-    return odd and np.ndim(light_field) in (4, 5) and bool(np.isfinite(light_field).all())
+    return odd and bool(np.isfinite(light_field).all())
 
 
 def view_geometry(light_field: Any) -> Geometry:
