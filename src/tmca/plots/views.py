@@ -86,7 +86,9 @@ def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
     return slice(top, top + h), slice(left, left + w)
 
 
-def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarray | None, title: str) -> Figure:
+def light_field_views(
+    centre: np.ndarray, every: np.ndarray, disparity: np.ndarray | None, title: str, said: str = "true disparity"
+) -> Figure:
     """Centre view, mosaic of views and disparity beside one another.
 
     Args:
@@ -94,6 +96,7 @@ def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarr
         every: a light field of which every view is shown.
         disparity: ``(H, W)``, px per view step, or None.
         title: of the centre view.
+        said: above the disparity.
     """
     height, width = centre.shape[-2:]
     figure, axes = grid(1, 2 if disparity is None else 3, width=4.6, aspect=height / width)
@@ -102,7 +105,7 @@ def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarr
     rows, columns = every.shape[-4:-2]
     image(axes[0, 1], mosaic(as_pictures(every), gap=2, fill=1.0), f"{rows}×{columns} views", "gray", 1.0)
     if disparity is not None:
-        image(axes[0, 2], disparity, "true disparity", "turbo", bar="px per view, nearer is positive", low=None)
+        image(axes[0, 2], disparity, said, "turbo", bar="px per view step, nearer is positive", low=None)
     return figure
 
 
