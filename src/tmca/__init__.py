@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tmca.applications import evaluate, simulate
+    from tmca.applications.refocusing import refocus
     from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
     from tmca.data import read_scene as read
     from tmca.decoders import Decoder, Estimate
@@ -39,6 +40,7 @@ _FACE = {
     "reconstruct": "decoders:decode",
     "evaluate": "applications:evaluate",
     "design_codes": "reports:design_codes",
+    "refocus": "applications.refocusing:refocus",
     "train": "training.face:train",
     "view": "viewer:view",
     "SpectralCamera": "cameras:SpectralCamera",
@@ -88,6 +90,7 @@ __all__ = [
     "evaluate",
     "read",
     "reconstruct",
+    "refocus",
     "simulate",
     "train",
     "view",

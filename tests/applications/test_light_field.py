@@ -34,7 +34,7 @@ def test_views_go_through_the_camera_and_back(prior, tmp_path, capsys, monkeypat
     kept = Snapshot.load("s.nc")
     assert kept.camera.shear.step == (1.0, 0.5)
     found = answer(capsys, "reconstruct", "s.nc", "--prior", str(prior), "--truth", "coffee:2", "--out", "e.nc")
-    assert sorted(file.split(".")[-1] for file in found["files"]) == ["gif", "nc", "png", "png"]
+    assert sorted(file.split(".")[-1] for file in found["files"]) == ["gif", "nc", "png", "png", "png"]
     truth = load_light_field("coffee:2", **SCENE)
     with xr.open_dataset("e.nc") as stored:
         assert stored["estimate"].dims == ("view_v", "view_u", "y", "x")

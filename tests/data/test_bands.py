@@ -8,8 +8,10 @@ import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tmca.data import label, metres_to_nm, nearest_bands, nm_to_metres, select_bands
+from tmca.data import label, load_scene, metres_to_nm, nearest_bands, nm_to_metres, select_bands, write_dataset
 from tmca.errors import DataError, SettingError
+from tmca.plots.cube import false_colour
+from tmca.specs import BandsReading
 
 
 def cube_of(nm):
@@ -76,3 +78,33 @@ UNEVEN = cube_of([429.5, 442.5, 456, 471.5, 489.5, 510.5, 534, 562, 598, 646, 68
 def test_bands_that_are_not_there_are_refused(call, error):
     with pytest.raises(error):
         call()
+
+
+NEAR = cube_of(np.arange(700, 1001, 20))
+
+
+def test_bands_are_taken_from_the_range_that_is_asked_for(tmp_path):
+    assert select_bands(NEAR, 4, (700e-9, 1000e-9)).wavelength_nm.values == pytest.approx([700, 800, 900, 1000])
+    write_dataset(NEAR.to_dataset(name="cube") + 0.5, tmp_path / "near.nc")
+    inside = load_scene(tmp_path / "near.nc", range=(750e-9, 850e-9))
+    assert metres_to_nm(inside["wavelength"].values) == pytest.approx([760, 780, 800, 820, 840])
+    assert load_scene(tmp_path / "near.nc", bands=3, range=(700e-9, 900e-9)).sizes["wavelength"] == 3
+    with pytest.raises(DataError, match="--range"):
+        load_scene(tmp_path / "near.nc", bands=4)
+    with pytest.raises(DataError, match="within 400 to 500 nm"):
+        load_scene(tmp_path / "near.nc", bands=None, range=(400e-9, 500e-9))
+    with pytest.raises(SettingError, match="first below the last"):
+        load_scene(tmp_path / "near.nc", range=(900e-9, 700e-9))
+
+
+def test_a_range_is_written_in_nm():
+    assert BandsReading(range="400:1000").range == pytest.approx((400e-9, 1000e-9))
+    for text in ("400", "700:400", "a:b", "0:500"):
+        with pytest.raises((SettingError, ValueError), match="FIRST"):
+            BandsReading(range=text)
+
+
+def test_colours_that_no_eye_sees_are_called_false():
+    assert false_colour(CAVE["wavelength"].values) == ""
+    assert false_colour(NEAR["wavelength"].values).startswith("false colour: 940 nm as red, 860 nm as green")
+    assert false_colour([550e-9]) != ""

@@ -32,6 +32,7 @@ _REPEATS = ["--device", "folder", "--set", "path=repeats", "--like", "sim.nc"]
 _LEARNED = ["--weights", "run", "--bands", "3", "--crop", "24x32", "--no-figures", "--out"]
 MADE = [
     ["render", "coffee", "--size", "32x40", "--out", "b.nc"],
+    ["render", "coffee", "--views", "3", "--size", "32x40", "--out", "views.nc"],
     ["render", "rocket", "--size", "24x32", "--out", "captures/a_truth.nc"],
     ["render", "coffee", "--size", "24x32", "--out", "captures/b_truth.nc"],
     ["simulate", "spectral", "b.nc", *_SMALL, "--no-figures", "--out", "sim.nc"],
@@ -69,6 +70,8 @@ COMMANDS = {
     "dbd study": ["dbd", "study", "--vary", "L=1,2", "--set", "M=7", "--set", "P=3", "--set", "Q=1", "--set",
                   "basis=gaussian", "--draws", "2", "--out", "studied", "--work", "work", "--overwrite"],
     "view": ["view", "sim.nc", "--static", "page.html", "--overwrite"],
+    "refocus": ["refocus", "views.nc", "--sweep", "3", "--out", "focus.nc", "--overwrite"],
+    "point-cloud": ["point-cloud", "b.nc", "--out", "points.ply", "--overwrite"],
     "design": ["design", "judge", "sim.nc", "--json"],
     "new": ["new", "camera", "weighted", "--overwrite"],
     "decoder export": ["decoder", "export", "run", "--out", "decoder", "--formats", "torch", "--overwrite"],

@@ -9,15 +9,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
+from tmca.metrics.refocusing import colour_views, refocus
 from tmca.plots.codes import sub_images_figure
 from tmca.plots.light_field import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.views import (
     border_walk,
-    colour_views,
     focus_steps,
     horizontal_slice,
     liveliest,
-    refocus,
     refocus_strip,
     vertical_slice,
     views_gif,

@@ -82,7 +82,7 @@ def test_a_depth_map_says_its_unit_and_what_is_unknown(metric):
 def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
     cube, depth = scene()
     figure = depths.depth_figure("map", (cube, depth), np.ones(depth.shape), WAVELENGTHS, (0.5, 2.0), (cube, depth))
-    assert {"truth", "map", "depth, truth", "depth, map", "probability within a bin"} <= set(titles(figure))
+    assert {"truth", "map", "depth, truth", "depth, map", "confidence"} <= set(titles(figure))
     assert len(curves(figure)) == 2 * 3
 
 

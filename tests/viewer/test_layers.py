@@ -8,8 +8,8 @@ import xarray as xr
 
 import tmca
 from tmca.errors import DataError, SettingError
+from tmca.plots.cube import rgb_bands
 from tmca.viewer import items
-from tmca.viewer.cubes import seen_bands
 from tmca.viewer.items import Axis, Layer, thinning, usual_span
 from tmca.viewer.opening import open_items
 
@@ -99,9 +99,9 @@ def test_the_deviation_of_an_estimate_is_a_layer(opened):
 
 
 def test_colours_are_of_the_bands_that_an_eye_sees_or_spread_over_others(opened):
-    assert seen_bands(NM * 1e-9) == (25, 15, 8)
-    assert seen_bands(np.linspace(1e-6, 2.5e-6, 13)) == (10, 6, 2)
-    assert len(seen_bands(np.array([5e-7]))) == 3
+    assert rgb_bands(NM * 1e-9) == (25, 15, 8)
+    assert rgb_bands(np.linspace(1e-6, 2.5e-6, 13)) == (10, 6, 2)
+    assert len(rgb_bands(np.array([5e-7]))) == 3
     [item] = opened(tmca.data.label(CUBE, NM * 1e-9))
     picture = item.layer("colour").plane(0)
     assert (picture.shape, picture.dtype) == ((12, 17, 3), np.uint8)

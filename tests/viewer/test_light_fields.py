@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 import tmca
-from tmca.plots.views import brightest, refocus
+from tmca.metrics import refocus
+from tmca.plots.views import brightest
 from tmca.viewer.opening import open_items
 
 READY = "tmca.planes.whole(0, tmca.desk.items[0].layers[0])"

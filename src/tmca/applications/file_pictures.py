@@ -9,8 +9,18 @@ import numpy as np
 
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.cameras import Snapshot, holds_snapshot
-from tmca.data import describe, read, read_array, read_disparity, read_light_field, read_rgbd, read_spectral_depth
+from tmca.data import (
+    ESTIMATED,
+    describe,
+    read,
+    read_array,
+    read_disparity,
+    read_light_field,
+    read_rgbd,
+    read_spectral_depth,
+)
 from tmca.data.describe import is_prior
+from tmca.data.formats.opening import is_zarr, open_contents
 from tmca.data.pixels import encoded
 from tmca.errors import DataError
 from tmca.plots.cube import cube_figure
@@ -71,7 +81,19 @@ def _light_field(path: Path, variable: str | None, facts: dict[str, Any], how: d
     truth = facts["disparity"]
     has_truth = truth is not None and truth["min"] is not None
     disparity = read_disparity(path, pattern=how.get("pattern")).values if has_truth else None
-    return light_field_views(centre.values, small.values, disparity, path.name)
+    matched = _matched(path, centre.shape[-2:]) if disparity is None else None
+    said = "true disparity" if matched is None else "disparity matched from the views"
+    return light_field_views(centre.values, small.values, disparity if matched is None else matched, path.name, said)
+
+
+def _matched(path: Path, size: tuple[int, ...]) -> np.ndarray | None:
+    """The disparity that an estimate's own views were found to have, from its file."""
+    if path.is_dir() and not is_zarr(path):
+        return None
+    with open_contents(path) as contents:
+        stored = contents.arrays.get("disparity")
+        usable = stored is not None and stored.attrs.get(ESTIMATED) and stored.shape == size
+        return stored.whole() if stored is not None and usable else None
 
 
 def _rgbd(path: Path) -> Figure:

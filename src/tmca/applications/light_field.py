@@ -21,9 +21,9 @@ from tmca.data.fitting import fit_views
 from tmca.data.in_memory import as_tensors, as_views, of_shape
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.data.scene_names import READING, compare_source
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, TmcaError
 from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
-from tmca.plots.light_field import light_field_figure
+from tmca.plots.light_field import geometry_figure, light_field_figure
 from tmca.plots.views import focus_steps, refocus_strip
 from tmca.sensor import Sensor
 
@@ -93,7 +93,7 @@ class LightFieldApplication(Application):
     kind = "light-field"
     columns = METRICS[:2]
     codes = ("codes", "rays")
-    pictures = (".png", "_refocus.png", ".gif")
+    pictures = (".png", "_disparity.png", "_refocus.png", ".gif")
     demo = LightFieldDemo()
 
     def labelled(self, scene: Any, where: str) -> xr.DataArray:
@@ -144,11 +144,11 @@ class LightFieldApplication(Application):
 
     def geometry(self, estimate: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
         """See ``Application``: error of the disparity that the views show."""
-        how, views = noted_reading(truth.attrs), estimate["estimate"]
-        real = true_disparity(how["source"], views, how["scale"], how["pattern"]) if how else None
+        views = estimate["estimate"]
+        real = _true_disparity(truth, views)
         if real is None:
             return {}
-        error = disparity_error(estimate_disparity(views.values), real.values)
+        error = disparity_error(estimate_disparity(views.values), real)
         return {"disparity_mae": error["mae"], "disparity_badpix": error["badpix"]}
 
     def holds(self, about: Mapping[str, Any]) -> bool:
@@ -194,12 +194,32 @@ class LightFieldApplication(Application):
         snapshot: Snapshot[Any] | None = None,
         title: str = "",
     ) -> dict[str, Figure | np.ndarray]:
-        """See ``Application``; also refocused photographs, and a walk over the views."""
+        """See ``Application``; also disparity, refocused photographs, and a walk over the views."""
         views = estimate["estimate"]
-        above = f"{title}: refocused, disparity in px per view"
-        strip = refocus_strip(views.values, focus_steps(views), above)
+        known = estimate["disparity"].values if "disparity" in estimate else None
         drawn = super().figures(estimate, camera, truth, snapshot, title)
+        if known is not None:
+            sharp, sure = estimate["all_in_focus"].values, estimate["confidence"].values
+            above, real = f"{title}: {estimate.attrs['decoder']}", _usable_disparity(truth, views)
+            drawn["_disparity.png"] = geometry_figure(sharp, known, sure, real, above)
+        above = f"{title}: refocused, disparity in px per view"
+        strip = refocus_strip(views.values, focus_steps(views, known), above)
         return {**drawn, "_refocus.png": strip, ".gif": views.values}
+
+
+def _usable_disparity(truth: xr.DataArray | None, like: xr.DataArray) -> np.ndarray | None:
+    """The true disparity for a picture, which does without a damaged one."""
+    try:
+        return None if truth is None else _true_disparity(truth, like)
+    except TmcaError:
+        return None
+
+
+def _true_disparity(truth: xr.DataArray, like: xr.DataArray) -> np.ndarray | None:
+    """Disparity that a truth came with, in the pixels of ``like``."""
+    how = noted_reading(truth.attrs)
+    real = true_disparity(how["source"], like, how["scale"], how["pattern"]) if how else None
+    return None if real is None else real.values
 
 
 def _reading(source: str, notes: Mapping[str, Any], given: dict[str, Any]) -> dict[str, Any]:

@@ -65,7 +65,8 @@ def estimate_pictures(
         snapshot: that was decoded.
         overwrite: replace files.
     """
-    application, stored, movie = application_of(estimate.camera), estimate.to_xarray(), dict[str, Any]()
+    application, movie = application_of(estimate.camera), dict[str, Any]()
+    stored = estimate.to_xarray().assign(estimate.maps)
     if FRAMES in stored.dims:
         movie, stored = _movie(stored, truth), stored.mean(FRAMES, keep_attrs=True)
     drawn = {**application.figures(stored, estimate.camera, truth, snapshot, target.stem), **movie}

@@ -18,6 +18,8 @@ GROUPS = {
     "Cameras": {
         "simulate": ("simulate:app", "Take a coded snapshot of a scene."),
         "reconstruct": ("reconstruct:app", "Recover the scene from a snapshot."),
+        "refocus": ("refocus:refocus", "Focus a light field after the exposure."),
+        "point-cloud": ("point_cloud:point_cloud", "A scene with depth as coloured points (PLY)."),
         "evaluate": ("evaluate:app", "Compare estimates with the truth, by every metric."),
         "decoders": ("decoders:decoders", "List decoders, the priors they need, their settings."),
         "prior": ("prior:app", "Learn and show a prior of scenes; judge codes by it."),

@@ -158,4 +158,4 @@ def _run(camera: str, out: Path, work: Path, grid: GridOptions, **changes: Any) 
     if "frame" in reading:
         reading["crop"] = tuple(map(min, reading["crop"], reading["frame"]))
     found = run_study(study.with_(reading=reading, **changes), out, work, progress=cell_done, **grid.how())
-    say(found, grid.json, (out / f"{study.name}.md").read_text().rstrip())
+    say(found, grid.json, (out / f"{study.name}.md").read_text().rstrip(), markdown=grid.markdown)

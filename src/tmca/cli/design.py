@@ -15,8 +15,8 @@ from tmca.cli.options.output import Json, Overwrite, check_figure, say
 from tmca.cli.progress import cell_done, progress_bar
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.specs import (
+    BandsReading,
     CodeSearchSpec,
-    CubeReading,
     LightFieldSpec,
     LightFieldsReading,
     MaskCameraSpec,
@@ -30,7 +30,7 @@ from tmca.specs import (
 
 app = App(name="design", help="Find codes for a sensor, and say what they gain before anything is built.")
 SHEET, SEARCH, MASKS = group("Sensor and modulator", 2), group("Search", 3), group("Camera", 1)
-_CUBE, _VIEWS, _SHEET, _BENCH = CubeReading(), LightFieldsReading(), SheetSpec(), PhaseBenchSpec()
+_CUBE, _VIEWS, _SHEET, _BENCH = BandsReading(), LightFieldsReading(), SheetSpec(), PhaseBenchSpec()
 _SEARCH, _MASK_SEARCH, _MASK_CAMERA = CodeSearchSpec(), MaskSearchSpec(), MaskCameraSpec()
 _SENSOR = "YAML file with the names of the sensor and modulator; options replace its values."
 Sensor = Annotated[Path | None, Parameter(help=_SENSOR)]
@@ -66,7 +66,7 @@ def spectral(
     period: Whole = 32,
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
-    reading: Annotated[CubeReading, READING] = _CUBE,
+    reading: Annotated[BandsReading, READING] = _CUBE,
     run: DesignOptions = _DESIGN,
 ) -> None:
     """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.

@@ -40,6 +40,11 @@ def inspect(
         from tmca.design.measures import corner_conditioning
 
         description["matrix"] = corner_conditioning(Snapshot.load(file).camera)
+    if description["kind"] == "light field":
+        from tmca.applications.refocusing import disparity_seen
+
+        seen = disparity_seen(file, description["light_field"], variable=variable, **reading.given())
+        description["light_field"]["disparity_seen"] = None if seen is None else list(seen)
     if figure is not None:
         from tmca.applications.file_pictures import picture_of
 
@@ -88,14 +93,15 @@ def _lines(description: dict[str, Any]) -> list[str]:
 
 
 def _light_field(about: dict[str, Any]) -> list[str]:
-    """Views, what tells them apart, how far they are shifted, and the true disparity."""
+    """Views, what tells them apart, the disparity that they show, and the true one."""
     (rows, columns), (height, width) = about["views"], about["size"]
     kind = "colour" if about["colour"] else "grey"
     lines = [f"  views: {rows} × {columns} of {height} × {width} pixels, {kind} (from: {about['pattern']})"]
-    shifts = about["shifts"]
-    if shifts:
-        spread = f"{shifts['low']:.2f} to {shifts['high']:.2f} px per view, nearer is positive"
-        lines.append(f"  shifts between views: {spread}; rows and columns agree to {shifts['agreement']:.2f}")
+    shifts, seen = about["shifts"], about.get("disparity_seen")
+    agree = f"; rows and columns agree to {shifts['agreement']:.2f}" if shifts else ""
+    if seen:
+        spread = f"{seen[0]:.2f} to {seen[1]:.2f} px per view step (5 to 95 %), nearer is positive"
+        lines.append(f"  disparity of the views: {spread}{agree}")
     truth = about["disparity"]
     if truth is None:
         return [*lines, "  true disparity: none"]

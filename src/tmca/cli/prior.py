@@ -12,10 +12,10 @@ from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
-from tmca.specs import CubeReading, LightFieldsReading, SensorSpec, SpectralSpec
+from tmca.specs import BandsReading, LightFieldsReading, SensorSpec, SpectralSpec
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")
-_CAMERA, _SENSOR, _CUBE, _VIEWS = SpectralSpec(), SensorSpec(), CubeReading(), LightFieldsReading()
+_CAMERA, _SENSOR, _CUBE, _VIEWS = SpectralSpec(), SensorSpec(), BandsReading(), LightFieldsReading()
 
 
 @app.command
@@ -29,7 +29,7 @@ def learn(
     all_bands: bool = False,
     extent: Annotated[MaybeWhole, Parameter(name="--spread")] = None,
     like: Path | None = None,
-    reading: Annotated[CubeReading, READING] = _CUBE,
+    reading: Annotated[BandsReading, READING] = _CUBE,
     figure: Figure = None,
     overwrite: Overwrite = False,
     seed: Whole = 0,

@@ -15,7 +15,7 @@ from tmca.cli.progress import progress_bar
 from tmca.cli.sweep import one_value
 from tmca.errors import SettingError
 from tmca.specs import (
-    CubeReading,
+    BandsReading,
     DepthReading,
     Hardware,
     LightFieldReading,
@@ -29,7 +29,7 @@ from tmca.specs import (
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
 _OUTPUT, _SENSOR = OutputOptions(), SensorSpec()
-_CUBE, _VIEWS, _DEPTH = CubeReading(), LightFieldReading(), DepthReading()
+_CUBE, _VIEWS, _DEPTH = BandsReading(), LightFieldReading(), DepthReading()
 _SPECTRAL, _LIGHT_FIELD, _SPECTRAL_DEPTH = SpectralSpec(), LightFieldSpec(), SpectralDepthSpec()
 _PLACE, _BENCH = MaskPlaceSpec(), PhaseBenchSpec()
 _CALIBRATION = """Of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
@@ -45,7 +45,7 @@ def spectral(
     all_bands: bool = False,
     motion: str | None = None,
     calibration: Calibration = None,
-    reading: Annotated[CubeReading, READING] = _CUBE,
+    reading: Annotated[BandsReading, READING] = _CUBE,
     camera: Annotated[SpectralSpec, CAMERA] = _SPECTRAL,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
     hardware: Faults = None,
@@ -96,9 +96,16 @@ def light_field(
     """
     choice = CameraChoice(camera, sensor, bench)
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
-    taken = _taken(choice, how, (scene,), calibration, hardware, output, centre_assumed)
+    left_out: list[str] = []
+
+    def said(light_field: Any) -> None:
+        centre_assumed(light_field)
+        if not reading.colour and light_field.attrs.get("source_colours") == 3:
+            left_out.append(" in grey (--colour keeps the scene's colours)")
+
+    taken = _taken(choice, how, (scene,), calibration, hardware, output, said)
     views = list(taken[0].camera.views)
-    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views")
+    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views{''.join(left_out)}")
 
 
 @app.command

@@ -74,22 +74,22 @@ def study(
         found = run_study(asked, out, work, progress=cell_done, **grid.how())
     except CellsFailed as failed:
         if failed.results is not None:
-            _tell(asked, failed.results, out, grid.json, page=described)
+            _tell(asked, failed.results, out, grid.json, page=described, markdown=grid.markdown)
         raise
-    _tell(asked, found, out, grid.json, page=described)
+    _tell(asked, found, out, grid.json, page=described, markdown=grid.markdown)
 
 
-def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool) -> None:
+def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool, markdown: bool) -> None:
     """The whole page, or the table that people read first and where the rest is."""
     from tmca.evaluation.paper import summary
     from tmca.evaluation.tables import markdown_table
 
     if page:
-        say(found, json, (out / f"{asked.name}.md").read_text().rstrip())
+        say(found, json, (out / f"{asked.name}.md").read_text().rstrip(), markdown=markdown)
         return
     names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md and .json"
     open_first = f"open {out / asked.name}.html; beside it {names}"
-    say(found, json, markdown_table(*summary(asked, found)), open_first)
+    say(found, json, markdown_table(*summary(asked, found)), open_first, markdown=markdown)
 
 
 def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

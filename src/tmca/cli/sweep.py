@@ -204,7 +204,7 @@ def _run(
     if "decoder" in settled:
         settled["decoder"] = decoder_named(settled["decoder"], "--set decoder")
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
-    say(found, grid.json, out.with_suffix(".md").read_text())
+    say(found, grid.json, out.with_suffix(".md").read_text(), markdown=grid.markdown)
 
 
 def one_value(texts: Sequence[str] | None) -> dict[str, str]:

@@ -230,15 +230,17 @@ def _report(prepared: Any, out: Path, tuned: Any, pictures: list[Path]) -> dict[
 
 def _lines(report: dict[str, Any]) -> list[str]:
     """The report for people."""
+    from tmca.metrics import MERITS, with_unit
+
     best, held = report["best"], len(report["held_out"])
     count = f"{len(report['learned_from'])} captures learned from, {held} held out"
     operator = f"calibrated by {report['calibration']}" if report["calibration"] else "the run's own, not calibrated"
     lines = [f"{report['weights']}: {count}, {report['steps']} steps", f"  operator: {operator}"]
     for name, value in report["before"].items():
-        unit = {"psnr": " dB", "depth_mae": " m"}.get(name, "")
         if name != "score":
-            after = f"{best[name]:.4g}{unit} after (step {best['step']})"
-            lines.append(f"  {name} held out: {value:.4g}{unit} before, {after}")
+            better = f"; {MERITS[name].direction}" if name in MERITS else ""
+            after = f"{with_unit(name, best[name])} after (step {best['step']}{better})"
+            lines.append(f"  {name} held out: {with_unit(name, value)} before, {after}")
     if not best["step"]:
         lines.append("  no step was better than the decoder as it was, which is what is saved")
     return [*lines, f"  {', '.join(Path(file).name for file in report['files'])} beside it"]

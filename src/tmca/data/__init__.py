@@ -23,6 +23,7 @@ from tmca.data.formats.stored import Contents, Stored, from_array, reads
 from tmca.data.formats.wavelengths import KNOWN_SETS, KnownSet, metres_to_nm, nm_to_metres
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.light_fields import (
+    ESTIMATED,
     find_disparity,
     label_light_field,
     read_disparity,
@@ -43,6 +44,7 @@ from tmca.data.scenes import load_scene, read_scene
 from tmca.data.spectral_depth import label_spectral_depth, place_cube, read_spectral_depth
 
 __all__ = [
+    "ESTIMATED",
     "KNOWN_SETS",
     "Contents",
     "KnownSet",

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Size = tuple[int, int]
-_VISIBLE = (400e-9, 700e-9)
+VISIBLE = (400e-9, 700e-9)
+_OTHER_RANGE = "ask for a range inside the cube's (--range FIRST:LAST)"
 """Metres between which bands are chosen."""
 Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
@@ -111,25 +112,40 @@ def middle_of(scene: Scene, size: Size, where: object) -> Scene:
     return scene.isel(y=rows, x=columns)
 
 
-def select_bands(cube: xr.DataArray, count: int) -> xr.DataArray:
-    """The ``count`` bands nearest to even spacing from 400 to 700 nm.
+def select_bands(cube: xr.DataArray, count: int, span: tuple[float, float] = VISIBLE) -> xr.DataArray:
+    """The ``count`` bands nearest to even spacing over a range, from 400 to 700 nm without one.
 
     For CAVE's 31 bands and ``count=12`` these are 0, 3, 5, 8, 11, 14, 16, 19, 22, 25, 27, 30.
 
     Args:
         cube: with a ``wavelength`` coordinate in metres.
         count: how many bands, 1 or more; one band is the one nearest to the middle.
+        span: first and last wavelength, metres.
 
     Raises:
         SettingError: an impossible count, or so many bands that one would be taken twice.
         DataError: the cube has no wavelengths or does not cover the range.
     """
-    low, high = _VISIBLE
+    low, high = span
     if count < 1:
         raise SettingError("bands", str(count), "1 band or more")
     _covering(cube, np.array([low, high]))
     targets = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
     return nearest_bands(cube, targets)
+
+
+def bands_within(cube: xr.DataArray, span: tuple[float, float]) -> xr.DataArray:
+    """All bands of a cube within a range of wavelengths, metres.
+
+    Raises:
+        DataError: the cube has no wavelengths, or none within the range.
+    """
+    nm, (low, high) = _covering(cube, None), metres_to_nm(np.array(span))
+    inside = (nm >= low - 1e-3) & (nm <= high + 1e-3)
+    if not inside.any():
+        found = f"bands from {nm.min():g} to {nm.max():g} nm"
+        raise DataError(cube.attrs.get("source", "cube"), found, f"some within {low:g} to {high:g} nm", _OTHER_RANGE)
+    return cube.isel(wavelength=np.flatnonzero(inside))
 
 
 def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataArray:
@@ -153,18 +169,22 @@ def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataAr
     return cube.isel(wavelength=index)
 
 
-def _covering(cube: xr.DataArray, targets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nanometres of the bands, which must cover the targets: half a band beyond the outermost centres, 10 nm of one."""
+def _covering(cube: xr.DataArray, targets: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Nanometres of the bands, which must cover the targets, if there are any: half a band beyond the outermost
+    centres, 10 nm of one."""
     where = cube.attrs.get("source", "cube")
     if "wavelength" not in cube.coords or cube.coords["wavelength"].dims != ("wavelength",):
         raise DataError(where, "no wavelength coordinate", "a cube from tmca.data.read")
-    nm, wanted = metres_to_nm(cube.coords["wavelength"].values), metres_to_nm(targets)
+    nm = metres_to_nm(cube.coords["wavelength"].values)
+    if targets is None:
+        return nm
+    wanted = metres_to_nm(targets)
     rising = np.sort(nm)
     beyond = np.diff(rising)[[0, -1]] / 2 if nm.size > 1 else (10.0, 10.0)
     if wanted.min() < rising[0] - beyond[0] - 1e-3 or wanted.max() > rising[-1] + beyond[1] + 1e-3:
         found, expected = f"bands from {rising[0]:g} to {rising[-1]:g} nm", "bands that cover"
         expected = f"{expected} {wanted.min():g} to {wanted.max():g} nm"
-        raise DataError(where, found, expected, "ask for a range inside the cube's")
+        raise DataError(where, found, expected, _OTHER_RANGE)
     return nm
 
 

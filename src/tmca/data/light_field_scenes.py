@@ -78,6 +78,7 @@ def load_light_field(
     elif source.partition(":")[0] in rendered_names():
         _refuse_files(pattern=pattern, lens=lens)
         light_field = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
+        light_field.attrs["source_colours"] = 3
     else:
         raise no_such_scene(source)
     noted = {"source": source, "size": size, **reading, "scale": scale or 1}

@@ -69,7 +69,8 @@ def read_light_field(
 
     Returns:
         dims ``(view_v, view_u, y, x)``, or ``(colour, view_v, view_u, y, x)``, float32; coordinates ``view_v`` and
-        ``view_u`` centred on 0; attrs ``name``, ``source``, ``pattern`` and ``grid`` (rows and columns of the source).
+        ``view_u`` centred on 0; attrs ``name``, ``source``, ``pattern``, ``grid`` (rows and columns of the source)
+        and ``source_colours`` (3 or 1).
 
     Raises:
         DataError: missing, extra, broken or unequal views, a grid that is not square or even, or not-finite pixels.
@@ -154,6 +155,7 @@ def load_views(
         "source": str(contents.path),
         "pattern": contents.attrs.get("pattern") or stored.attrs.get("pattern") or contents.format,
         "grid": list(grid),
+        "source_colours": len(COLOURS) if has_colour(stored) else 1,
         "scale": by,
         "scale_from": scaled,
     }
@@ -256,12 +258,14 @@ def no_light_field(contents: Contents, variable: str | None = None) -> DataError
 
 USUAL = "gt_disp_lowres.pfm"
 """The HCI benchmark's disparity at the size of its views."""
+ESTIMATED = "estimated"
+"""Attribute, 1, of a disparity that was matched from the views beside it: it is not the true one."""
 _MEND = "mend the map, or take it away to go without"
 
 
 def find_disparity(folder: str | Path) -> Path | None:
     """The disparity map of a folder of views: `USUAL`, or the only ``.pfm`` with ``disp`` in its name; of a labelled
-    file, the file itself if it holds ``disparity``."""
+    file, the file itself if it holds ``disparity`` that is not estimated from its own views."""
     folder = Path(folder)
     if folder.suffix.lower() in LABELLED or not folder.is_dir():
         return folder if _holds_disparity(folder) else None
@@ -275,7 +279,7 @@ def _holds_disparity(path: Path) -> bool:
     if path.suffix.lower() not in LABELLED or not path.exists():
         return False
     with open_labelled(path) as stored:
-        return "disparity" in stored.data_vars
+        return "disparity" in stored.data_vars and not stored["disparity"].attrs.get(ESTIMATED)
 
 
 def read_disparity(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 from warnings import warn
@@ -11,7 +11,7 @@ from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import depth_in
-from tmca.data.fitting import middle_of, select_bands
+from tmca.data.fitting import VISIBLE, bands_within, middle_of, select_bands
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.light_fields import find_light_field
@@ -20,7 +20,7 @@ from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.rgbd import holds_rgbd, refuse_rgbd
 from tmca.data.scene_names import SceneWarning
 from tmca.data.spectral_depth import scene_parts
-from tmca.errors import check_choice
+from tmca.errors import SettingError, check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -84,6 +84,7 @@ def load_scene(
     source: str | Path,
     *,
     bands: Bands | None = "up to 12",
+    range: Floats | None = None,
     size: IntPair | None = None,
     wavelengths: Floats | None = None,
     variable: str | None = None,
@@ -94,8 +95,10 @@ def load_scene(
 
     Args:
         source: a file or folder that ``tmca.data.read`` reads, or the name of a rendered scene (``coffee``).
-        bands: number of bands, nearest to even spacing from 400 to 700 nm; None keeps all bands, and so does
+        bands: number of bands, nearest to even spacing over the range; None keeps all bands, and so does
             ``"up to 12"`` of a file with fewer.
+        range: (first, last) wavelength that bands are taken from, metres; 400 to 700 nm without it, or all where all
+            bands are kept.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
@@ -117,12 +120,24 @@ def load_scene(
         raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
-    if bands == "up to 12":
-        bands = 12 if cube.sizes["wavelength"] >= 12 else None
-    if bands is not None:
-        cube = select_bands(cube, bands)
+    cube = _banded(cube, bands, None if range is None else _span(range))
     cube = cube if size is None else middle_of(cube, size, name)
     cube.attrs["name"] = Path(name).stem
     if not cube.values.any():
         warn(f"{name}: every pixel is zero", DarkScene, stacklevel=2)
     return cube
+
+
+def _span(given: Sequence[float]) -> tuple[float, float]:
+    """Raises SettingError unless it is a range of wavelengths."""
+    if len(given) != 2 or not 0 < given[0] < given[1] < float("inf"):
+        raise SettingError("range", repr(tuple(given)), "(first, last) wavelength in metres, the first below the last")
+    return given[0], given[1]
+
+
+def _banded(cube: xr.DataArray, bands: int | str | None, span: tuple[float, float] | None) -> xr.DataArray:
+    """The bands that are asked for."""
+    inside = cube if span is None or isinstance(bands, int) else bands_within(cube, span)
+    if bands == "up to 12":
+        bands = 12 if inside.sizes["wavelength"] >= 12 else None
+    return inside if not isinstance(bands, int) else select_bands(cube, bands, span or VISIBLE)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 
 from tmca.cameras.camera import in_a_line
+from tmca.decoders.view_maps import focal_length, view_maps
 from tmca.summaries import Summary, as_numpy, sizes
 
 if TYPE_CHECKING:
@@ -69,7 +71,7 @@ class Estimate(Summary):
         if self.deviation is not None:
             parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
-            attrs[PLANES] = json.dumps(asdict(self.camera.planes))
+            attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
         for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
             if plane is not None:
                 maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
@@ -93,15 +95,20 @@ class Estimate(Summary):
         labelled: xr.DataArray = self.camera.label(values, meaning)
         return labelled
 
+    @cached_property
+    def maps(self) -> dict[str, xr.DataArray]:
+        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`."""
+        return view_maps(self.to_xarray())
+
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write `to_xarray` as NetCDF, whole or not at all.
+        """Write `to_xarray` and, of a light field, its `maps` as NetCDF, whole or not at all.
 
         Raises:
             OutputError: the file exists, or cannot be written.
         """
         from tmca.data import write_dataset
 
-        return write_dataset(self.to_xarray(), path, overwrite=overwrite)
+        return write_dataset(self.to_xarray().assign(self.maps), path, overwrite=overwrite)
 
     def plot(self, truth: Any = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.

@@ -15,24 +15,36 @@ from tmca.metrics.cubes import (
     uiqi,
 )
 from tmca.metrics.depth import depth_mae, depth_rmse, within_bin
-from tmca.metrics.disparity import disparity_error, estimate_disparity, moved_view
+from tmca.metrics.disparity import disparity_error, estimate_disparity, match_views, moved_view
+from tmca.metrics.merits import MERITS, Merit, meaning, with_unit
+from tmca.metrics.refocusing import Geometry, all_in_focus, disparity_range, refocus, view_geometry
 
 __all__ = [
+    "MERITS",
+    "Geometry",
+    "Merit",
+    "all_in_focus",
     "all_metrics",
     "dd",
     "depth_mae",
     "depth_rmse",
     "disparity_error",
+    "disparity_range",
     "ergas",
     "estimate_disparity",
     "light_field_metrics",
+    "match_views",
+    "meaning",
     "moved_view",
     "psnr",
     "psnr_per_view",
+    "refocus",
     "sam",
     "ssim",
     "ssim_per_view",
     "uiqi",
+    "view_geometry",
+    "with_unit",
     "within_bin",
 ]
 

@@ -20,6 +20,8 @@ _PREFILTER = 0.75
 _GRADIENT_WEIGHT = np.float32(3.0)
 _TRUNCATION = np.float32(0.025)
 _REGULARISATION = np.float32(1e-3)
+_HALF_SURE = 0.02
+"""Margin of the best candidate, of the highest score there is, at which the confidence is one half."""
 
 
 def estimate_disparity(
@@ -50,6 +52,20 @@ def estimate_disparity(
         ShapeError: not a light field of odd V and U with more than one view, or less than 4 × 4 pixels.
         SettingError: values that are not finite, limits that do not ascend, or labels or window below 1.
     """
+    return match_views(light_field, limits, labels=labels, window=window)[0]
+
+
+def match_views(
+    light_field: Any, limits: tuple[float, float] = (-4.0, 4.0), *, labels: int = 8, window: int = 6
+) -> tuple[Array, Array]:
+    """Disparity as of `estimate_disparity`, with the same arguments and errors, and how sure it is.
+
+    Returns:
+        Disparity and confidence, ``(H, W)`` float64. The confidence is m / (m + 0.02), with m the margin by which the
+        score stands above that of any candidate at least half a pixel away, of the highest score there is: 0 where
+        another disparity fits as well, 1 where none does. It is no probability. Source: winner margin, Hu & Mordohai,
+        IEEE TPAMI 34, 2012.
+    """
     views, (low, high) = _grey_views(light_field), limits
     check_range("labels", labels, 1, whole=True)
     check_range("window", window, 1, whole=True)
@@ -61,12 +77,12 @@ def estimate_disparity(
     reach = max(-candidates.first, candidates.last) * max(views.shape[:2]) // (2 * labels)
     margin = 2 * window + reach + 4
     rows = max(2 * margin, int(_STRIP_BYTES / (16 * candidates.count * width)) - 2 * margin)
-    result = np.empty((height, width))
+    result = np.empty((2, height, width))
     for first in range(0, height, rows):
         top, last = max(0, first - margin), min(height, first + rows)
         strip = _best(views[:, :, top : last + margin], candidates, window)
-        result[first:last] = strip[first - top : last - top]
-    return result
+        result[:, first:last] = strip[:, first - top : last - top]
+    return result[0], result[1]
 
 
 def _grey_views(light_field: Any) -> Image:
@@ -104,7 +120,7 @@ class _Candidates:
 
 
 def _best(views: Image, candidates: _Candidates, window: int) -> Array:
-    """Winner of the best half at every pixel, refined by a parabola."""
+    """Winner of the best half at every pixel, refined by a parabola, and its confidence: ``(2, H, W)``."""
     scores = _matching_scores(views, candidates)
     scores = _filtered(scores, views[views.shape[0] // 2, views.shape[1] // 2], window).max(axis=0)
     best = scores.argmax(axis=0)
@@ -115,7 +131,18 @@ def _best(views: Image, candidates: _Candidates, window: int) -> Array:
     curvature = 2 * peak - before - after
     offset = np.where(curvature > 1e-9, (after - before) / (2 * np.maximum(curvature, 1e-9)), 0.0).clip(-0.5, 0.5)
     # at either end of the limits no parabola stands on both sides
-    return (candidates.first + best + np.where(best == inner, offset, 0.0)) / candidates.per_pixel
+    disparity = (candidates.first + best + np.where(best == inner, offset, 0.0)) / candidates.per_pixel
+    return np.stack((disparity, _confidence(scores, best, max(1, candidates.per_pixel // 2))))
+
+
+def _confidence(scores: Image, best: NDArray[np.intp], apart: int) -> Array:
+    """See `match_views`; rivals are ``apart`` candidates from the best one, or more."""
+    rival = np.zeros(best.shape, dtype=np.float32)
+    for index, plane in enumerate(scores):
+        np.maximum(rival, plane, out=rival, where=np.abs(best - index) >= apart)
+    peak = np.take_along_axis(scores, best[None], axis=0)[0]
+    margin = np.maximum(peak - rival, 0).astype(np.float64) / float(_TRUNCATION)
+    return np.asarray(margin / (margin + _HALF_SURE), dtype=np.float64)
 
 
 def _matching_scores(views: Image, labels: _Candidates) -> Image:

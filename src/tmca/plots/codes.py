@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.plots.style import BLUE, add_bar, evenly, grid, image, mosaic, panels, plain_axes
+from tmca.plots.style import BLUE, TITLE, add_bar, evenly, grid, image, mosaic, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,7 +106,7 @@ def phase_codes_figure(
     figure, axes = grid(1 + len(shutter), len(heights) + 1, width=2.2, aspect=1.0)
     limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
     for slot, height in enumerate(heights):
-        bar = "nm" if slot == len(heights) - 1 else ""
+        bar = "height (nm)" if slot == len(heights) - 1 else ""
         image(axes[0, slot], height * 1e9, f"heights, slot {slot}", "coolwarm", limits[1], bar, limits[0])
         for bucket, shown in enumerate(shutter, start=1):
             name = "shutter" if len(shutter) == 1 else f"shutter S{bucket}"
@@ -135,6 +135,8 @@ def psf_figure(rows: Mapping[str, np.ndarray], metres: Sequence[float]) -> Figur
         for axis, value, z in zip(row, values, metres, strict=True):
             image(axis, np.sqrt(value), "" if line else f"{z:.2f} m", "inferno", low=None)
         row[0].set_ylabel(name, fontsize=8)
+    said = "point spread functions over depth: square root of the intensity, each from its least (dark) to its most"
+    figure.suptitle(said, fontsize=TITLE)
     return figure
 
 

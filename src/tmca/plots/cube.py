@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.metrics import psnr
-from tmca.plots.style import BLUE, RED, SMALL, bright_level, evenly, grid, image, montage, plain_axes, rms
+from tmca.plots.style import BLUE, RED, SMALL, TITLE, bright_level, evenly, grid, image, montage, plain_axes, rms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 RGB_WAVELENGTHS = (650e-9, 550e-9, 480e-9)
 """Bands shown as red, green and blue, metres (thesis section 4.2)."""
+_SEEN_NM = ((570, 750), (480, 610), (380, 530))
+"""Of what is shown as red, green and blue: what may pass for it."""
 _POINT_COLOURS = (RED, BLUE, "#edae49", "#66a182")
 _LOOKED_AT = 2**20
 _UNIT = "relative irradiance"
@@ -26,10 +28,30 @@ _COLUMNS, _BANDS, _POINTS, _LINES = 4, 6, 3, 5
 
 
 def rgb_bands(wavelengths: Sequence[float]) -> tuple[int, int, int]:
-    """Indices of the bands nearest to 650, 550 and 480 nm."""
+    """Indices of the bands shown as red, green and blue: those nearest to 650, 550 and 480 nm; where two of them are
+    the same, as of bands that no eye sees, three that are spread over all from long to short."""
     axis = np.asarray(wavelengths)
     red, green, blue = (int(np.abs(axis - w).argmin()) for w in RGB_WAVELENGTHS)
+    if len({red, green, blue}) < 3 <= len(axis):
+        rising = np.argsort(axis, kind="stable")
+        red, green, blue = (int(rising[round(share * (len(axis) - 1))]) for share in (5 / 6, 1 / 2, 1 / 6))
     return red, green, blue
+
+
+def false_colour(wavelengths: Sequence[float]) -> str:
+    """Which bands are shown as red, green and blue, where an eye would see other colours; else nothing."""
+    shown = [wavelengths[band] * 1e9 for band in rgb_bands(wavelengths)]
+    if all(low <= nm <= high for nm, (low, high) in zip(shown, _SEEN_NM, strict=True)):
+        return ""
+    return "false colour: {:.0f} nm as red, {:.0f} nm as green, {:.0f} nm as blue".format(*shown)
+
+
+def note_false_colour(figure: Figure, wavelengths: Sequence[float]) -> Figure:
+    """A figure with that above it, where its composites are no colours that an eye would see."""
+    note = false_colour(wavelengths)
+    if note:
+        figure.suptitle(note, fontsize=TITLE)
+    return figure
 
 
 def white_level(cube: np.ndarray, wavelengths: Sequence[float]) -> float:
@@ -105,8 +127,8 @@ def cube_figure(cube: np.ndarray, wavelengths: Sequence[float], title: str) -> F
         y, x = divmod(place, min(4, len(chosen)))
         label = f"{wavelengths[band] * 1e9:.0f} nm"
         spot = (x * cube.shape[2] + 0.04 * cube.shape[2], (y + 1) * cube.shape[1] - 0.06 * cube.shape[1])
-        axes[0, 2].text(*spot, label, color="#ffd166", fontsize=6)
-    return figure
+        axes[0, 2].text(*spot, label, color="#ffd166", fontsize=SMALL)
+    return note_false_colour(figure, wavelengths)
 
 
 def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:

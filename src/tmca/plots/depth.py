@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.cube import captioned, mark, rgb_composite, sample_points, spectra, white_level
+from tmca.plots.cube import captioned, mark, note_false_colour, rgb_composite, sample_points, spectra, white_level
 from tmca.plots.style import GREY, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: 
     mark(axes[0, 0], points)
     depth_map(axes[0, 1], depth, metric)
     spectra(axes[0, 2], {"": cube}, wavelengths, points)
-    return figure
+    return note_false_colour(figure, wavelengths)
 
 
 def depth_figure(
@@ -67,10 +67,10 @@ def depth_figure(
         image(row[0], rgb_composite(cube, wavelengths, white), title)
         mark(row[0], points)
         depth_map(row[1], depth, title=f"depth, {title}", limits=limits)
-    image(axes[-1, 2], confidence, "probability within a bin", top=1.0, bar="probability")
+    image(axes[-1, 2], confidence, "confidence", top=1.0, bar="probability within a bin, as a share")
     if truth is not None:
         spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
-    return figure
+    return note_false_colour(figure, wavelengths)
 
 
 def before_after(

@@ -14,7 +14,7 @@ from tmca.data.light_field_scenes import load_light_field
 from tmca.data.scene_names import READING
 from tmca.data.scenes import load_scene
 from tmca.errors import check_shape
-from tmca.plots.cube import reconstruction_figure, rgb_composite
+from tmca.plots.cube import note_false_colour, reconstruction_figure, rgb_composite
 from tmca.plots.depth import depth_figure
 from tmca.plots.light_field import light_field_figure
 from tmca.plots.style import bright_level, image_figure
@@ -107,7 +107,7 @@ def _cube(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
     scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
     shown = values.mean("slot") if "slot" in values.dims else values
     deviations = {name: estimate["deviation"].values} if "deviation" in estimate else {}
-    return reconstruction_figure({name: shown.values}, waves, scene, deviations)
+    return note_false_colour(reconstruction_figure({name: shown.values}, waves, scene, deviations), waves)
 
 
 def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:

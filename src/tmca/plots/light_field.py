@@ -9,8 +9,9 @@ import numpy as np
 
 from tmca.metrics import disparity_error, light_field_metrics
 from tmca.metrics.disparity import BAD_PIXEL
-from tmca.plots.style import add_bar, bare, grid, image, rms
-from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
+from tmca.metrics.refocusing import colour_views
+from tmca.plots.style import GREY, add_bar, bare, bright_level, grid, image, rms
+from tmca.plots.views import brightest, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -211,6 +212,34 @@ def disparity_figure(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, v
     if truth is not None:
         shown = axes[0, 3].images[0]
         add_bar(axes[0, 3], shown, _error_label(maps, truth, shown.norm.vmax))
+    return figure
+
+
+def geometry_figure(
+    sharp: np.ndarray, disparity: np.ndarray, confidence: np.ndarray, truth: np.ndarray | None, title: str
+) -> Figure:
+    """The all-in-focus photograph, its disparity and confidence; below, the true disparity and the error, if known.
+
+    Args:
+        sharp: ``(H, W)`` or ``(3, H, W)``.
+        disparity: ``(H, W)``, px per view step.
+        confidence: ``(H, W)`` from 0 to 1.
+        truth: ``(H, W)``, px per view step.
+        title: above the photograph.
+    """
+    height, width = disparity.shape
+    rows = 1 if truth is None else 2
+    figure, axes = grid(rows, 3, width=3.6, aspect=min(height / width, 2.5))
+    photograph = np.moveaxis(sharp if sharp.ndim == 3 else sharp[None], 0, -1)
+    seen = _disparities(disparity if truth is None else truth)
+    label = f"{_STEP}, nearer is positive"
+    image(axes[0, 0], shown(photograph, bright_level(photograph)), f"{title}, all in focus")
+    image(axes[0, 1], disparity, "disparity", seen["cmap"], seen["vmax"], label, seen["vmin"])
+    image(axes[0, 2], confidence, "confidence", "cividis", 1.0, "0: another disparity fits as well, 1: none")
+    if truth is not None:
+        error = np.abs(disparity - truth)
+        image(axes[1, 1], truth, "true disparity", seen["cmap"], seen["vmax"], label, seen["vmin"], GREY)
+        image(axes[1, 2], error, _numbers(disparity, truth), "magma", error_top([error]), f"error ({_STEP})")
     return figure
 
 

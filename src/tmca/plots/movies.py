@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, white_level
 from tmca.plots.style import grid, image
-from tmca.plots.views import brightest, colour_views, shown
+from tmca.plots.views import brightest, shown
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tmca.errors import OutputError, ShapeError
-from tmca.metrics import estimate_disparity, moved_view
+from tmca.errors import OutputError
+from tmca.metrics.refocusing import colour_views, disparity_range, has_parallax, refocus
 from tmca.plots.style import bright_level, grid, image, mosaic
 
 if TYPE_CHECKING:
@@ -20,30 +20,14 @@ if TYPE_CHECKING:
 
 _ZOOMED, _LEAST = 0.25, 48
 """Share of each side that is enlarged, and pixels of the shorter side that it has at least."""
-_SEARCHED = 160
 _STEPS, _STRETCH = 5, 1.0
 """Photographs of a strip, and px per view step from the first to the last: with less all of them look alike."""
-_AROUND, _TEXTURE = 7, 0.02
+_IN_A_ROW = 5
 _PIXELS, _REPEATED = 2.4e6, 4e6
 """Of all frames together, about a megabyte; repeated pixels take half as many bytes."""
 _SIDE = 360
 """Pixels along the longer side that small views are enlarged to."""
 _COLOURS = 64
-
-
-def colour_views(light_field: np.ndarray) -> np.ndarray:
-    """``(V, U, H, W)`` or ``(3, V, U, H, W)`` with colours first → ``(V, U, H, W, C)``, C = 1 or 3.
-
-    Raises:
-        ShapeError: another shape, or V or U even where there is more than one row.
-    """
-    values = np.asarray(light_field)
-    values = values[None] if values.ndim == 4 else values
-    grid_of = values.ndim == 5 and values.size > 0 and (values.shape[1] == 1 or values.shape[1] & values.shape[2] & 1)
-    if not grid_of or len(values) not in (1, 3):
-        expected = "(V, U, H, W) or (3, V, U, H, W), V and U odd"
-        raise ShapeError("light_field", f"shape {np.shape(light_field)}", expected)
-    return np.moveaxis(values, 0, -1)
 
 
 def brightest(light_field: np.ndarray) -> float:
@@ -102,7 +86,9 @@ def zoom_window(light_field: np.ndarray) -> tuple[slice, slice]:
     return slice(top, top + h), slice(left, left + w)
 
 
-def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarray | None, title: str) -> Figure:
+def light_field_views(
+    centre: np.ndarray, every: np.ndarray, disparity: np.ndarray | None, title: str, said: str = "true disparity"
+) -> Figure:
     """Centre view, mosaic of views and disparity beside one another.
 
     Args:
@@ -110,6 +96,7 @@ def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarr
         every: a light field of which every view is shown.
         disparity: ``(H, W)``, px per view step, or None.
         title: of the centre view.
+        said: above the disparity.
     """
     height, width = centre.shape[-2:]
     figure, axes = grid(1, 2 if disparity is None else 3, width=4.6, aspect=height / width)
@@ -118,7 +105,7 @@ def light_field_views(centre: np.ndarray, every: np.ndarray, disparity: np.ndarr
     rows, columns = every.shape[-4:-2]
     image(axes[0, 1], mosaic(as_pictures(every), gap=2, fill=1.0), f"{rows}×{columns} views", "gray", 1.0)
     if disparity is not None:
-        image(axes[0, 2], disparity, "true disparity", "turbo", bar="px per view, nearer is positive", low=None)
+        image(axes[0, 2], disparity, said, "turbo", bar="px per view step, nearer is positive", low=None)
     return figure
 
 
@@ -128,82 +115,54 @@ def as_pictures(light_field: np.ndarray) -> np.ndarray:
     return np.moveaxis(values, 0, -1) if values.ndim == 5 else values
 
 
-def refocus(light_field: np.ndarray, disparity: float) -> np.ndarray:
-    """The photograph focused on a disparity: all views moved onto the centre, then their mean.
-
-    At (y, x) it takes view (v, u) at (y - v·disparity, x - u·disparity), between pixels by cubic interpolation.
-    Views that do not reach a border pixel do not count there. Source: Ng et al., Stanford CSTR 2005-02.
-
-    Args:
-        light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
-        disparity: px per view step.
-
-    Returns:
-        ``(H, W)``, or ``(3, H, W)``, float32.
-
-    Raises:
-        ShapeError: not a light field.
-    """
-    views = np.moveaxis(colour_views(light_field), -1, 2).astype(np.float32)
-    rows, columns, *shape = views.shape
-    total, count = np.zeros(shape, dtype=np.float32), np.zeros(shape[-2:], dtype=np.float32)
-    for v in range(rows):
-        for u in range(columns):
-            place = (v - rows // 2, u - columns // 2)
-            moved, (y, x) = moved_view(views[v, u], place, disparity)
-            total[:, y, x] += moved
-            count[y, x] += 1
-    total /= count  # the centre view reaches every pixel
-    return total if np.ndim(light_field) == 5 else total[0]
-
-
-def focus_steps(light_field: xr.DataArray) -> list[float]:
-    """Five disparities to focus on, px per view step, evenly over the range that the views show where there is texture.
-
-    The estimator of `tmca.metrics` looks at views made smaller, to about 160 pixels along the shorter side.
+def focus_steps(light_field: xr.DataArray, disparity: np.ndarray | None = None, count: int = _STEPS) -> list[float]:
+    """Some disparities to focus on, px per view step, evenly over the range that the views show where there is texture.
 
     Args:
         light_field: (view_v, view_u, y, x), or with colours first.
+        disparity: (y, x) of the centre view, where it is known; estimated from smaller views without.
+        count: how many, five without.
 
     Returns:
         From far to near, from the 5 % to the 95 % quantile and at least 1 wide; from -2 to 2 where there is a single
         view, fewer than 4 × 4 pixels, or no texture.
     """
     grey = light_field.mean("colour") if "colour" in light_field.dims else light_field
-    scale = max(1, round(min(grey.shape[2:]) / _SEARCHED))
-    small = grey.coarsen(y=scale, x=scale, boundary="trim").mean().values
-    low, high = -2.0, 2.0
-    if max(small.shape[:2]) > 1 and min(small.shape[2:]) >= 4 and (textured := _textured(small)).any():
-        most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
-        disparity = scale * estimate_disparity(small)[textured]
-        low, high = (float(end) for end in np.quantile(disparity, (0.05, 0.95)).clip(-most, most))
+    seen = disparity_range(grey.values, disparity) if has_parallax(grey.values) else None
+    most = min(grey.shape[2:]) / (2 * max(grey.shape[:2]))  # beyond it views hardly overlap
+    low, high = (-2.0, 2.0) if seen is None else (min(max(end, -most), most) for end in seen)
     wider = max(0.0, (_STRETCH - (high - low)) / 2)
-    return [float(step) for step in np.linspace(low - wider, high + wider, _STEPS)]
-
-
-def _textured(views: np.ndarray) -> np.ndarray:
-    """Where the centre view varies within a few pixels, so that its disparity is more than a guess."""
-    from scipy.ndimage import uniform_filter
-
-    view = views[views.shape[0] // 2, views.shape[1] // 2].astype(np.float64)
-    variance = uniform_filter(view**2, _AROUND) - uniform_filter(view, _AROUND) ** 2
-    return np.asarray(variance > (_TEXTURE * brightest(views)) ** 2)
+    return [float(step) for step in np.linspace(low - wider, high + wider, count)]
 
 
 def refocus_strip(light_field: np.ndarray, disparities: Sequence[float], title: str = "") -> Figure:
     """The photograph focused on a few disparities, from far to near.
 
     Args:
-        light_field: as in :func:`refocus`.
+        light_field: as in `tmca.metrics.refocus`.
         disparities: px per view step.
         title: what stands above the strip.
     """
-    white = brightest(light_field)
-    height, width = np.shape(light_field)[-2:]
-    figure, axes = grid(1, len(disparities), width=3.0, aspect=min(height / width, 2.5))
-    for axis, disparity in zip(axes[0], sorted(disparities), strict=True):
-        photograph = refocus(light_field, disparity)
-        picture = np.moveaxis(photograph if photograph.ndim == 3 else photograph[None], 0, -1)
+    steps = sorted(disparities)
+    made = np.stack([refocus(light_field, step) for step in steps])
+    pictures = np.moveaxis(made if made.ndim == 4 else made[:, None], 1, -1)
+    return strip_figure(pictures, steps, brightest(light_field), title)
+
+
+def strip_figure(pictures: np.ndarray, disparities: Sequence[float], white: float, title: str = "") -> Figure:
+    """Photographs ``(N, H, W, C)`` side by side, each with the disparity that it is focused on.
+
+    Args:
+        pictures: relative irradiance.
+        disparities: px per view step, one for each.
+        white: irradiance shown as white.
+        title: what stands above the strip.
+    """
+    height, width = pictures.shape[1:3]
+    columns = min(_IN_A_ROW, len(pictures))
+    rows = -(-len(pictures) // columns)
+    figure, axes = grid(rows, columns, width=3.0, aspect=min(height / width, 2.5))
+    for axis, picture, disparity in zip(axes.flat, pictures, disparities, strict=False):
         image(axis, shown(picture, white), f"focus at {disparity:+.2f} px per view step")
     if title:
         figure.set_figheight(figure.get_figheight() + 0.3)
@@ -224,7 +183,14 @@ def border_walk(rows: int, columns: int) -> list[tuple[int, int]]:
     return top + right + bottom + left
 
 
-def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6, overwrite: bool = False) -> Path:
+def views_gif(
+    light_field: np.ndarray,
+    path: str | Path,
+    *,
+    seconds: float = 1.6,
+    white: float | None = None,
+    overwrite: bool = False,
+) -> Path:
     """Write an animated GIF that goes once round the border views and starts again.
 
     The views share 64 colours without dithering. They are made smaller where they have more than 2.4 million pixels in
@@ -235,6 +201,7 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
         light_field: ``(V, U, H, W)``, or ``(3, V, U, H, W)`` with colours first.
         path: ends in ``.gif``.
         seconds: of one round.
+        white: irradiance shown as white; that of the centre view without it.
         overwrite: replace an earlier file.
 
     Raises:
@@ -247,7 +214,7 @@ def views_gif(light_field: np.ndarray, path: str | Path, *, seconds: float = 1.6
 
     if Path(path).suffix.lower() != ".gif":
         raise OutputError(path, f"the suffix {Path(path).suffix!r}", ".gif", "rename the animation")
-    views, white = colour_views(light_field), brightest(light_field)
+    views, white = colour_views(light_field), brightest(light_field) if white is None else white
     walk = border_walk(*views.shape[:2])
     pixels = len(walk) * views[0, 0, ..., 0].size
     scale = min(1.0, (_PIXELS / pixels) ** 0.5)

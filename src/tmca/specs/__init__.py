@@ -10,6 +10,7 @@ from tmca.specs.design import CodeSearchSpec, MaskCameraSpec, MaskSearchSpec
 from tmca.specs.hardware import LIMITS, PAIRS, PARTS, Hardware
 from tmca.specs.optics import MaskPlaceSpec, PhaseBenchSpec
 from tmca.specs.reading import (
+    BandsReading,
     CubeReading,
     DepthReading,
     LightFieldReading,
@@ -26,6 +27,7 @@ __all__ = [
     "LIMITS",
     "PAIRS",
     "PARTS",
+    "BandsReading",
     "CameraSpec",
     "CodeSearchSpec",
     "CodedSpec",

@@ -133,6 +133,24 @@ def metres_of_nm(text: Any) -> Any:
         raise SettingError("wavelengths", repr(text), "FIRST:LAST:COUNT or one wavelength per band, in nm") from None
 
 
+def range_of_nm(text: Any) -> Any:
+    """``400:1000`` in nm → (first, last) in metres; other values as they are.
+
+    Raises:
+        SettingError: no such range.
+    """
+    text = _joined(text)
+    if not isinstance(text, str):
+        return text
+    try:
+        first, last = (float(part) * 1e-9 for part in text.split(":"))
+    except ValueError:
+        raise SettingError("range", repr(text), "FIRST:LAST in nm, such as 400:1000") from None
+    if not 0 < first < last < float("inf"):
+        raise SettingError("range", repr(text), "FIRST below LAST, in nm, such as 400:1000")
+    return first, last
+
+
 def _text(value: Any) -> Any:
     return _parts(_joined(value))
 
@@ -160,6 +178,8 @@ Sides = Annotated[tuple[Pixels, ...], BeforeValidator(lambda value: _sides(_join
 """Two whole numbers: ``64x80``."""
 Metres = Annotated[tuple[float, ...], BeforeValidator(metres_of_nm)]
 """Wavelengths in metres, of texts in nm."""
+Span = Annotated[tuple[float, ...], BeforeValidator(range_of_nm), _PAIR]
+"""First and last wavelength in metres, of ``FIRST:LAST`` in nm."""
 Seed = Annotated[int, Field(ge=0, lt=SEEDS)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Length = Annotated[float, Field(gt=0)]

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from tmca.errors import SettingError
-from tmca.specs.base import Metres, Sides, Spec, Whole
+from tmca.specs.base import Metres, Sides, Span, Spec, Whole
 
 
 class CubeReading(Spec):
@@ -21,6 +21,13 @@ class CubeReading(Spec):
     "Stored value that is relative irradiance 1; an integer type's maximum, or that of floats above 1, without it."
     negative: Literal["error", "clip", "keep"] = "error"
     "What is done with negative pixels: refused, set to 0, or kept."
+
+
+class BandsReading(CubeReading):
+    """How a cube is read of which some bands are taken."""
+
+    range: Span | None = None
+    "FIRST:LAST in nm that bands are taken from, such as 400:1000. [default: 400:700]"
 
 
 class ViewsReading(Spec):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tmca.data import Contents, Stored, metres_to_nm
 from tmca.data.cubes import Located, locate_cube
 from tmca.data.formats.wavelengths import divisor
-from tmca.plots.cube import RGB_WAVELENGTHS, rgb_composite, white_level
+from tmca.plots.cube import RGB_WAVELENGTHS, rgb_bands, rgb_composite, white_level
 from tmca.viewer.items import Axis, Item, Layer, thinning
 
 IRRADIANCE = "relative irradiance"
@@ -88,7 +88,7 @@ def colour_layer(values: Layer, metres: NDArray[np.float64], white: float | None
         metres: its wavelengths.
         white: irradiance that is shown as white.
     """
-    chosen = seen_bands(metres)
+    chosen = rgb_bands(metres.tolist())
     lengths = RGB_WAVELENGTHS
     step = thinning(values.size, _LOOKED_AT)
 
@@ -106,14 +106,6 @@ def colour_layer(values: Layer, metres: NDArray[np.float64], white: float | None
 
     names = tuple(f"{nm:.0f} nm" for nm in metres_to_nm(metres)[list(chosen)])
     return Layer("colour", "colours", values.size, ONE, read, colours="picture", view={"bands": names})
-
-
-def seen_bands(metres: NDArray[np.float64]) -> tuple[int, ...]:
-    """Bands shown as red, green and blue."""
-    nearest = tuple(int(np.abs(metres - length).argmin()) for length in RGB_WAVELENGTHS)
-    if len({*nearest}) == len(nearest) or len(metres) < len(nearest):
-        return nearest
-    return tuple(round(share * (len(metres) - 1)) for share in (5 / 6, 1 / 2, 1 / 6))
 
 
 def _like(contents: Contents, name: str, bands: Bands) -> Bands | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from tmca.data import Contents, read_rgbd
 from tmca.data.pixels import encoded
+from tmca.data.point_cloud import FOCAL
 from tmca.viewer.cubes import ONE, stored_maps
 from tmca.viewer.items import Item, Layer, in_memory
 
@@ -24,7 +26,14 @@ def with_depth(item: Item, contents: Contents) -> Item:
         confidence = in_memory(maps["confidence"].whole().astype(np.float32)[None])
         label = "probability of the depth"
         layers.append(Layer("confidence", label, item.layers[0].size, ONE, confidence, span=(0.0, 1.0)))
-    return Item("depth", item.title, tuple(layers), {**item.facts, **_facts(depth)}, item.role, check=item.check)
+    facts, view = {**item.facts, **_facts(depth)}, {"focal": _focal(contents.attrs, depth.shape[1])}
+    return Item("depth", item.title, tuple(layers), facts, item.role, view=view, check=item.check)
+
+
+def _focal(attrs: Mapping[str, Any], width: int) -> float:
+    """Focal length of saved points, in widths of the picture: the camera's, or 1 where it is not known."""
+    known = attrs.get(FOCAL)
+    return float(known) / width if isinstance(known, int | float | np.number) and known > 0 else 1.0
 
 
 def depth_layer(depth: NDArray[np.float32], metric: bool = True) -> Layer:
@@ -45,7 +54,8 @@ def rgbd_item(path: Any, title: str, **about: Any) -> Item:
     depth = depth_layer(scene["depth"].values.astype(np.float32), bool(scene.attrs["metric"]))
     colour = Layer("colour", "colours", depth.size, ONE, in_memory(picture[None]), colours="picture")
     facts = {"size": f"{depth.size[0]} × {depth.size[1]} pixels", "format": str(scene.attrs["format"])}
-    return Item("depth", title, (depth, colour), {**facts, **_facts(scene["depth"].values)}, **about)
+    view = {"focal": _focal(scene.attrs, depth.size[1])}
+    return Item("depth", title, (depth, colour), {**facts, **_facts(scene["depth"].values)}, view=view, **about)
 
 
 def _facts(depth: NDArray[Any]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import Contents, Stored, find_disparity, read_disparity
+from tmca.data import ESTIMATED, Contents, Stored, find_disparity, read_disparity
 from tmca.data.formats.wavelengths import divisor
 from tmca.data.light_fields import VIEW_DIMS, centred, has_colour
 from tmca.errors import TmcaError
@@ -40,7 +40,7 @@ def light_field_item(contents: Contents, stored: Stored, title: str, **about: An
         "views": f"{rows} × {columns} of {height} × {width} pixels",
         "colours": "red, green, blue" if has_colour(stored) else "grey",
         "format": f"{contents.format}, {stored.name}, {stored.dtype}",
-        "disparity": "in the file" if len(layers) > 1 else "none in the file",
+        "disparity": _origin(contents) if len(layers) > 1 else "none in the file",
     }
     view = {"grid": [rows, columns], "places": places, "reach": reach}
     return Item("light field", title, tuple(layers), {**facts, **said(contents.attrs)}, view=view, **about)
@@ -72,6 +72,12 @@ class _Views:
         values = np.atleast_3d(np.moveaxis(values, (left.index("y"), left.index("x")), (0, 1)))
         channels = values[..., :3] if values.shape[2] >= 3 else values[..., :1]
         return channels / np.float32(divisor(stored, 0, None, None)[0])
+
+
+def _origin(contents: Contents) -> str:
+    """Where the disparity that is shown comes from."""
+    stored = contents.arrays.get("disparity")
+    return "matched from the views" if stored is not None and stored.attrs.get(ESTIMATED) else "in the file"
 
 
 def _disparity(contents: Contents, size: tuple[int, int]) -> list[Layer]:

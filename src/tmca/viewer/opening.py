@@ -18,6 +18,7 @@ from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
 from tmca.data.spectral_depth import scene_parts
 from tmca.data.unlabelled import of_array
+from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.arrays import array_items
@@ -49,6 +50,8 @@ def open_items(thing: Any, stack: ExitStack, variable: str | None = None, role: 
         return _from_path(thing, stack, variable, role)
     if isinstance(thing, Snapshot):
         return snapshot_items(thing, str(thing.notes.get("scene") or "snapshot"), role=role)
+    if isinstance(thing, Estimate):
+        thing = thing.to_xarray().assign(thing.maps)
     return in_memory_items(thing.to_xarray() if hasattr(thing, "to_xarray") else thing, "", role, variable)
 
 

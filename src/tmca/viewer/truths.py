@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from tmca.applications.imaging import evaluation_of
+from tmca.metrics import MERITS, with_unit
 from tmca.viewer.items import Item
 from tmca.viewer.opening import in_memory_items, open_items
-
-_UNITS = {"psnr": "dB", "sam": "°", "ergas": "%", "depth_mae": "m", "depth_rmse": "m"}
 
 
 def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: bool = True) -> list[Item]:
@@ -27,8 +26,13 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
     """
     evaluation = evaluation_of(estimate, truth)
     merit = {
-        name.replace("_", " ").upper(): f"{value:.4g} {_UNITS.get(name, '')}".rstrip()
+        name.replace("_", " ").upper(): f"{with_unit(name, value)}{_direction(name)}"
         for name, value in evaluation.metrics.items()
     }
     items = [replace(item, facts={**merit, **item.facts}) for item in open_items(estimate, stack)]
     return items + (in_memory_items(evaluation.truth, "truth", "truth") if with_truth else [])
+
+
+def _direction(metric: str) -> str:
+    better = MERITS[metric].direction if metric in MERITS else ""
+    return f" ({better})" if better else ""

@@ -29,6 +29,8 @@ class GridOptions:
     "Replace results that exist."
     json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
     "Print the results as JSON."
+    markdown: Annotated[bool, Parameter(group=_GRID, negative="")] = False
+    "Print tables as Markdown in a terminal too, as they are printed into files and pipes."
 
     def how(self) -> dict[str, Any]:
         """Arguments of a comparison or a sweep."""

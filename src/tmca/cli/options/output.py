@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 
 from tmca.cli.options.numbers import On
+from tmca.cli.options.tables import print_text
 from tmca.errors import SettingError
 
 if TYPE_CHECKING:
@@ -22,17 +23,6 @@ Overwrite = Annotated[bool, Parameter(help="Replace what exists.")]
 Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
 Figure = Annotated[Path | None, Parameter(help="Write a picture (PNG).")]
 """Options of many commands."""
-
-
-_MORE, _LESS, _SPAN = "higher is better", "lower is better", "at most 1, higher is better"
-_METRICS = {
-    "psnr": f"dB, {_MORE}", "psnr_min": f"dB, of the worst view, {_MORE}", "psnr_max": f"dB, of the best view, {_MORE}",
-    "ssim": _SPAN, "uiqi": _SPAN, "sam": f"degrees, {_LESS}", "ergas": f"%, relative error, {_LESS}",
-    "dd": f"mean absolute error, {_LESS}",
-    "disparity_mae": f"pixels from view to view, {_LESS}", "disparity_badpix": f"share of pixels, {_LESS}",
-    "depth_mae": f"m, {_LESS}", "depth_rmse": f"m, {_LESS}", "within_bin": f"share of pixels, {_MORE}",
-}  # fmt: skip
-"""Units of metrics, and which way is better."""
 
 
 @Parameter(name="*", group=Group("Output", sort_key=6))
@@ -50,14 +40,19 @@ class OutputOptions:
     "Print JSON instead of text."
 
 
-def say(report: Any, json: bool, *lines: str) -> None:
-    """Print a result as JSON, or in lines for people."""
-    print(dumps(report, indent=1) if json else "\n".join(lines))
+def say(report: Any, json: bool, *lines: str, markdown: bool = False) -> None:
+    """Print a result as JSON, or in lines for people; their tables are drawn in a terminal, unless as Markdown."""
+    if json:
+        print(dumps(report, indent=1))
+    else:
+        print_text("\n".join(lines), markdown)
 
 
 def meaning(metric: str) -> str:
     """Unit of a metric and which way is better, in brackets; nothing of a camera's own."""
-    known = _METRICS.get(metric)
+    from tmca.metrics import meaning as in_words
+
+    known = in_words(metric)
     return f"({known})" if known else ""
 
 

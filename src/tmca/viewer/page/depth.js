@@ -87,21 +87,21 @@ export class Depth extends Stack {
     return this.redraw();
   }
 
-  // Points in metres before a camera whose focal length is the width of its picture.
+  // Points in metres before a pinhole camera, as `tmca point-cloud` writes them; focal: in widths of the picture.
   savePoints(item) {
     const { depth, colours } = this.what(item);
     if (!depth) return;
-    const { data, rows, columns } = depth, lines = [];
+    const { data, rows, columns } = depth, lines = [], along = columns * (item.focal ?? 1);
     for (let y = 0; y < rows; y++) {
       for (let x = 0; x < columns; x++) {
         const at = y * columns + x, z = data[at];
         if (!(z > 0)) continue;
         const colour = colours ? colours.data.subarray(3 * at, 3 * at + 3) : [200, 200, 200];
-        const place = [((x + 0.5 - columns / 2) / columns) * z, (-(y + 0.5 - rows / 2) / columns) * z, -z];
+        const place = [((x + 0.5 - columns / 2) / along) * z, (-(y + 0.5 - rows / 2) / along) * z, -z];
         lines.push(`${place.map((part) => part.toPrecision(6)).join(" ")} ${colour.join(" ")}`);
       }
     }
-    const head = ["ply", "format ascii 1.0", "comment points before a camera whose focal length is the width of its picture", `element vertex ${lines.length}`, ...["x", "y", "z"].map((name) => `property float ${name}`), ...["red", "green", "blue"].map((name) => `property uchar ${name}`), "end_header"];
+    const head = ["ply", "format ascii 1.0", `comment points in metres before a pinhole camera, focal length ${along.toPrecision(6)} pixels`, `element vertex ${lines.length}`, ...["x", "y", "z"].map((name) => `property float ${name}`), ...["red", "green", "blue"].map((name) => `property uchar ${name}`), "end_header"];
     save(`${item.title}.ply`, new Blob([[...head, ...lines].join("\n"), "\n"], { type: "application/octet-stream" }));
   }
 

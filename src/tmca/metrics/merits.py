@@ -1,0 +1,63 @@
+"""What figures of merit are measured in, and which way is better: one table for all that print them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Merit:
+    """A figure of merit.
+
+    Args:
+        unit: such as ``dB``; empty of a number without one.
+        higher: whether more is better; None of what says no more than what was measured.
+        about: what it is, where its name does not say.
+    """
+
+    unit: str
+    higher: bool | None
+    about: str = ""
+
+    @property
+    def direction(self) -> str:
+        """Which way is better, in words."""
+        return "" if self.higher is None else "higher is better" if self.higher else "lower is better"
+
+    @property
+    def meaning(self) -> str:
+        """Unit, what it is, and which way is better."""
+        return ", ".join(part for part in (self.unit, self.about, self.direction) if part)
+
+
+_AT_MOST_ONE = Merit("", True, "at most 1")
+MERITS: dict[str, Merit] = {
+    "psnr": Merit("dB", True),
+    "psnr_min": Merit("dB", True, "of the worst view"),
+    "psnr_max": Merit("dB", True, "of the best view"),
+    "ssim": _AT_MOST_ONE,
+    "uiqi": _AT_MOST_ONE,
+    "sam": Merit("degrees", False),
+    "ergas": Merit("%", False, "relative error"),
+    "dd": Merit("", False, "mean absolute error"),
+    "disparity_mae": Merit("px per view step", False),
+    "disparity_badpix": Merit("", False, "share of pixels"),
+    "depth_mae": Merit("m", False),
+    "depth_rmse": Merit("m", False),
+    "within_bin": Merit("", True, "share of pixels"),
+    "known_depth": Merit("", None, "share of pixels whose true depth is known"),
+}
+"""Figures of merit by name, those of all cameras of this package."""
+_SIGNS = {"degrees": "°"}
+
+
+def meaning(metric: str) -> str:
+    """Unit of a metric and which way is better, in words; nothing of one that a camera of another package brings."""
+    return MERITS[metric].meaning if metric in MERITS else ""
+
+
+def with_unit(metric: str, value: float, form: str = ".4g") -> str:
+    """A value with its unit, such as ``31.2 dB``."""
+    unit = MERITS[metric].unit if metric in MERITS else ""
+    sign = _SIGNS.get(unit, f" {unit}" if unit else "")
+    return f"{value:{form}}{sign}"
