@@ -5,32 +5,25 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-SCRIPTS = (
-    *(
-        "numbers",
-        "colours",
-        "planes",
-        "programs",
-        "refocusing",
-        "surface",
-        "painter",
-        "plot",
-        "hash",
-        "panel",
-        "tools",
-        "desk",
-    ),
-    *("stack", "codes", "lightfield", "depth", "app"),
-)
-"""Files of the script, each after those that it uses."""
-_IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
+_FIRST = "app"
+"""The file of the script that needs all others."""
+_IMPORT = re.compile(r'^import\b[^;]*"\./(\w+)\.js";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |const |let |function |class ))", re.MULTILINE)
 
 
 def script() -> str:
     """The page's script as one module, which imports nothing."""
-    parts = (_text(f"{name}.js") for name in SCRIPTS)
-    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", part)) for part in parts)
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", part)) for part in _parts(_FIRST, {}).values())
+
+
+def _parts(name: str, known: dict[str, str]) -> dict[str, str]:
+    """Files of the script by their names, each after those that it imports."""
+    text = _text(f"{name}.js")
+    for needed in _IMPORT.findall(text):
+        if needed not in known:
+            _parts(needed, known)
+    known[name] = text
+    return known
 
 
 def whole_page(nonce: str = "", embedded: str = "null") -> str:

@@ -7,6 +7,7 @@ import { Painter } from "./painter.js";
 import { Embedded, Planes, Served } from "./planes.js";
 import { Codes } from "./codes.js";
 import { Stack } from "./stack.js";
+import { ink, useGround } from "./theme.js";
 import { saveStage } from "./tools.js";
 
 const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
@@ -20,6 +21,7 @@ const HELP = [
   ["C, B", "colours, one band"],
   ["D, E", "difference, error map"],
   ["1 … 9", "page"],
+  ["T", "dark or light ground; a saved picture has it too"],
   ["L, S", "copy a link that keeps this view, save the pictures"],
   ["?", "this help"],
 ];
@@ -60,6 +62,7 @@ class App {
     this.side.replaceChildren(...this.desk.sideParts);
     this.sliders.replaceChildren(...this.desk.sliderParts);
     this.sliders.hidden = this.desk.sliderParts.every((part) => part.hidden);
+    if (given) useGround(given.ground === "light" ? "light" : "dark");
     if (given) this.desk.restore(given);
     this.desk.arranged = null;
     this.desk.begin?.();
@@ -79,7 +82,7 @@ class App {
   saveState() {
     if (!this.desk) return;
     const page = this.desks.length > 1 ? this.desks.indexOf(this.desk) + 1 : null;
-    writeHash({ page, ...this.desk.state() });
+    writeHash({ page, ground: ink.name === "light" ? "light" : null, ...this.desk.state() });
   }
 
   say(text, wrong = false) {
@@ -105,6 +108,7 @@ class App {
     on("link", () => this.copyLink());
     on("png", () => this.savePictures());
     on("csv", () => this.desk.saveTable());
+    on("ground", () => this.turnGround());
     on("ask", () => this.showHelp());
     new ResizeObserver(() => ((this.desk.arranged = null), this.redraw())).observe(this.stage);
     window.addEventListener("keydown", (event) => this.#key(event));
@@ -119,9 +123,17 @@ class App {
     if (event.key === "?") this.showHelp();
     else if (event.key === "l") this.copyLink();
     else if (event.key === "s") this.savePictures();
+    else if (event.key === "t") this.turnGround();
     else if (number >= 1 && number <= this.desks.length) this.choose(number - 1);
     else if (!this.desk.key(event)) return;
     event.preventDefault();
+  }
+
+  turnGround() {
+    useGround(ink.name === "dark" ? "light" : "dark");
+    this.desk?.listPlaces();
+    this.redraw();
+    this.saveState();
   }
 
   showHelp() {
