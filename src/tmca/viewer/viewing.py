@@ -18,6 +18,8 @@ from tmca.viewer.gallery import Gallery
 HOST = "127.0.0.1"
 _STARTED = 20.0
 """Seconds in which the server is to answer."""
+_LAST = 2
+"""Seconds in which answers that are on their way come to their end."""
 _PORTS = 65535
 
 
@@ -42,7 +44,7 @@ class Viewer:
         self._port, token = self._socket.getsockname()[1], secrets.token_urlsafe(16)
         self.address = f"http://{HOST}:{self._port}/?token={token}"
         app = application(gallery, token, {f"{name}:{self._port}" for name in (HOST, "localhost")})
-        config = uvicorn.Config(app, log_level="critical", access_log=False, lifespan="off", ws="none", http="h11")
+        config = uvicorn.Config(app, log_level="critical", access_log=False, lifespan="off", ws="none", http="h11", timeout_graceful_shutdown=_LAST)
         self._server = uvicorn.Server(config)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="tmca view", daemon=True)
         self._thread.start()
@@ -133,11 +135,15 @@ def opened(things: Any, truth: Any = None, variable: str | None = None) -> Galle
     return Gallery(things, truth, variable)
 
 
+def missing() -> list[str]:
+    """Packages of the extra ``view`` that are not there."""
+    return [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
+
+
 def check_installed() -> None:
     """Raises SettingError unless the packages of the extra ``view`` are there."""
-    missing = [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
-    if missing:
-        found, remedy = f"no {' and no '.join(missing)}", "pip install 'tmca[view]'"
+    if absent := missing():
+        found, remedy = f"no {' and no '.join(absent)}", "pip install 'tmca[view]'"
         raise SettingError("view", found, "the packages of the viewer", remedy)
 
 

@@ -6,11 +6,12 @@ import { LightField } from "./lightfield.js";
 import { Painter } from "./painter.js";
 import { Embedded, Planes, Served } from "./planes.js";
 import { Codes } from "./codes.js";
+import { firstOf, follow, Live } from "./live.js";
 import { Stack } from "./stack.js";
 import { ink, useGround } from "./theme.js";
 import { saveStage } from "./tools.js";
 
-const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
+const KINDS = { live: ["Live", Live], cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
 const HELP = [
   ["move over a picture", "curve and values at the cursor"],
   ["click", "keep the curve of a pixel"],
@@ -39,7 +40,9 @@ class App {
   async begin() {
     this.painter = new Painter(this.root.getElementById("paint"));
     this.painter.restored = () => this.redraw();
-    const { items } = await this.source.about();
+    const about = await firstOf(this);
+    if (!about) return this.name("tmca live: ended");
+    const { items } = about;
     items.forEach((item, number) => (item.number = number));
     document.title = `${[...new Set(items.map((item) => item.title))].join(", ")} – tmca view`;
     const kinds = [...new Set(items.map((item) => item.kind))];
@@ -52,6 +55,27 @@ class App {
     }));
     this.#listen();
     this.choose(0, readHash());
+    if (about.live) follow(this);
+  }
+
+  // What stands at the top.
+  name(text) {
+    const heading = this.root.querySelector("h1");
+    if (heading.textContent !== text) heading.textContent = text;
+  }
+
+  // Another exposure is the newest.
+  renew(newest) {
+    this.newest = newest;
+    this.planes.forget();
+    for (const desk of this.desks) desk.forget();
+    this.redraw();
+  }
+
+  // What is shown is drawn, and all that it needs is here; a page that nobody sees waits.
+  async settled() {
+    await new Promise(requestAnimationFrame);
+    await this.planes.rest();
   }
 
   choose(number, given = null) {

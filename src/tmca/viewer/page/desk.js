@@ -131,10 +131,16 @@ export class Desk {
     const here = this.planes.profileNow(item.number, layer, region);
     if (here) this.#keep(key, here);
     else {
-      this.#keep(key, null);
+      this.#keep(key, this.older?.get(key) ?? null);
       this.planes.profile(item.number, layer, region).then((found) => (this.#keep(key, found), this.app.redraw()), () => this.profiles.delete(key));
     }
-    return here;
+    return this.profiles.get(key);
+  }
+
+  // Values are others now; curves stay until newer ones are here.
+  forget() {
+    this.older = this.profiles;
+    this.profiles = new Map();
   }
 
   #keep(key, found) {

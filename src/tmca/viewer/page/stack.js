@@ -35,7 +35,7 @@ export class Stack extends Desk {
   build() {
     const { axis } = this, hasColour = this.items.some((item) => item.layers.some((layer) => layer.name === "colour"));
     const mode = (text, title, coloured) => element("button", { className: "small", textContent: text, title, onclick: () => this.showColour(coloured) });
-    this.modes = hasColour ? [mode("Colour", "Red, green and blue from the bands (C)", true), mode("Band", "One band (B)", false)] : [];
+    this.modes = hasColour ? [mode("Colour", "Red, green and blue from the bands (C)", true), mode(axis.label === "view" ? "View" : "Band", "One plane (B)", false)] : [];
     this.play = element("button", { className: "small", textContent: "▶", title: "Run through the planes (space)", onclick: () => this.run() });
     this.play.setAttribute("aria-label", "Run through the planes");
     this.slider = new Slider({ label: axis.label || "plane", values: axis.values, unit: axis.unit, names: axis.names ?? [], index: this.index, light: axis.unit === "nm", modes: [...this.modes, this.play], moved: (index) => this.move(index) });
