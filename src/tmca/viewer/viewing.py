@@ -41,6 +41,7 @@ class Viewer:
         from tmca.viewer.server import application
 
         self._gallery, self._socket = gallery, _bound(port)
+        self._widget: Any = None
         self._port, token = self._socket.getsockname()[1], secrets.token_urlsafe(16)
         self.address = f"http://{HOST}:{self._port}/?token={token}"
         app = application(gallery, token, {f"{name}:{self._port}" for name in (HOST, "localhost")})
@@ -72,6 +73,20 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"<Viewer of {', '.join(item.title for item in self._gallery.items)} at {self.address}>"
+
+    def _repr_mimebundle_(self, **asked: Any) -> Any:
+        """The page in the cell, through the kernel where anywidget is installed; else, or where a notebook shows no
+        widgets, that of this machine's port."""
+        plain = {"text/plain": repr(self), "text/html": self._repr_html_()}
+        if find_spec("anywidget") is None:
+            return plain
+        if self._widget is None:
+            from tmca.viewer.notebook import NotebookPage
+
+            self._widget = NotebookPage(self._gallery)
+        shown = self._widget._repr_mimebundle_(**asked)
+        data, about = shown if isinstance(shown, tuple) else (shown, {})
+        return {**(data or {}), **plain}, about
 
     def _repr_html_(self) -> str:
         """The page itself, where a notebook runs on this machine."""

@@ -1,10 +1,9 @@
 // The page: what is shown is asked for, grouped by kind, and drawn once a frame where something changed.
-import { readHash, writeHash } from "./hash.js";
 import { element } from "./numbers.js";
 import { Depth } from "./depth.js";
 import { LightField } from "./lightfield.js";
 import { Painter } from "./painter.js";
-import { Embedded, Planes, Served } from "./planes.js";
+import { Planes } from "./planes.js";
 import { Codes } from "./codes.js";
 import { firstOf, follow, Live } from "./live.js";
 import { Stack } from "./stack.js";
@@ -27,12 +26,14 @@ const HELP = [
   ["?", "this help"],
 ];
 
-class App {
-  constructor(root) {
+export class App {
+  // `root` is the document, or the shadow root that holds the page in a notebook.
+  constructor(root, source, address) {
     const find = (name) => root.getElementById(name);
+    this.page = root.querySelector(".page");
+    this.address = address;
     Object.assign(this, { root, stage: find("stage"), panelsRoot: find("panels"), side: find("side"), sliders: find("sliders"), tabs: find("tabs"), message: find("message"), help: find("help") });
-    const embedded = JSON.parse(find("embedded").textContent);
-    this.source = embedded ? new Embedded(embedded) : new Served(new URLSearchParams(location.search).get("token") ?? "");
+    this.source = source;
     this.planes = new Planes(this.source, () => this.redraw(), (error) => this.say(error.message, true));
     this.frames = 0;
   }
@@ -44,7 +45,7 @@ class App {
     if (!about) return this.name("tmca live: ended");
     const { items } = about;
     items.forEach((item, number) => (item.number = number));
-    document.title = `${[...new Set(items.map((item) => item.title))].join(", ")} – tmca view`;
+    this.title = [...new Set(items.map((item) => item.title))].join(", ");
     const kinds = [...new Set(items.map((item) => item.kind))];
     this.desks = kinds.map((kind) => new KINDS[kind][1](this, items.filter((item) => item.kind === kind)));
     this.tabs.replaceChildren(...kinds.map((kind, at) => {
@@ -54,7 +55,7 @@ class App {
       return tab;
     }));
     this.#listen();
-    this.choose(0, readHash());
+    this.choose(0, this.address.read());
     if (about.live) follow(this);
   }
 
@@ -86,7 +87,7 @@ class App {
     this.side.replaceChildren(...this.desk.sideParts);
     this.sliders.replaceChildren(...this.desk.sliderParts);
     this.sliders.hidden = this.desk.sliderParts.every((part) => part.hidden);
-    if (given) useGround(given.ground === "light" ? "light" : "dark");
+    if (given) useGround(given.ground === "light" ? "light" : "dark", this.page);
     if (given) this.desk.restore(given);
     this.desk.arranged = null;
     this.desk.begin?.();
@@ -106,7 +107,7 @@ class App {
   saveState() {
     if (!this.desk) return;
     const page = this.desks.length > 1 ? this.desks.indexOf(this.desk) + 1 : null;
-    writeHash({ page, ground: ink.name === "light" ? "light" : null, ...this.desk.state() });
+    this.address.write({ page, ground: ink.name === "light" ? "light" : null, ...this.desk.state() });
   }
 
   say(text, wrong = false) {
@@ -135,17 +136,16 @@ class App {
     on("ground", () => this.turnGround());
     on("ask", () => this.showHelp());
     new ResizeObserver(() => ((this.desk.arranged = null), this.redraw())).observe(this.stage);
-    window.addEventListener("keydown", (event) => this.#key(event));
-    window.addEventListener("hashchange", () => (this.choose(this.desks.indexOf(this.desk), readHash())));
+    this.address.listen(this);
   }
 
-  #key(event) {
+  key(event) {
     const typing = event.target.matches?.("input[type=number], select");
     if (typing || event.ctrlKey || event.metaKey || event.altKey || this.help.open) return;
     if (event.key === " " && event.target.matches?.("button")) return;
     const number = Number(event.key);
     if (event.key === "?") this.showHelp();
-    else if (event.key === "l") this.copyLink();
+    else if (event.key === "l" && !this.root.getElementById("link").hidden) this.copyLink();
     else if (event.key === "s") this.savePictures();
     else if (event.key === "t") this.turnGround();
     else if (number >= 1 && number <= this.desks.length) this.choose(number - 1);
@@ -154,7 +154,7 @@ class App {
   }
 
   turnGround() {
-    useGround(ink.name === "dark" ? "light" : "dark");
+    useGround(ink.name === "dark" ? "light" : "dark", this.page);
     this.desk?.listPlaces();
     this.redraw();
     this.saveState();
@@ -169,6 +169,3 @@ class App {
   }
 }
 
-const app = new App(document);
-window.tmca = app;
-app.begin().catch((error) => app.say(error.message, true));

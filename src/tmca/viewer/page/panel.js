@@ -281,7 +281,7 @@ function bar(context, x, y, tall, { map, span, label }) {
   context.textAlign = "left";
   context.fillStyle = ink.quiet;
   const round = ticks(...span, Math.max(tall / 40, 2));
-  for (const value of round.length > 2 ? round : span) {
+  for (const value of round.length > 2 ? round : span.map((end) => Number(end.toPrecision(2)))) {
     const at = y + tall - ((value - span[0]) / (span[1] - span[0])) * tall;
     context.fillText(shown(value, 3), x + 14, clamp(at, y + 5, y + tall - 4));
   }

@@ -5,9 +5,9 @@ const GROUNDS = {
 };
 export const ink = { name: "dark", ...GROUNDS.dark };
 
-export function useGround(name) {
+export function useGround(name, page) {
   Object.assign(ink, { name, ...GROUNDS[name] });
-  document.documentElement.dataset.ground = name;
+  page.dataset.ground = name;
 }
 
 // A bright colour as it can be read on the ground.

@@ -179,7 +179,7 @@ export class Looks {
     this.maps.value = this.now.map;
     this.unit.textContent = this.now.unit;
     this.power.setAttribute("aria-pressed", this.now.power !== 1);
-    this.ends.forEach((input, end) => document.activeElement !== input && (input.value = Number(this.now.span[end].toPrecision(4))));
+    this.ends.forEach((input, end) => input.getRootNode().activeElement !== input && (input.value = Number(this.now.span[end].toPrecision(4))));
     const values = valuesOf(this.chosen);
     if (!values) return;
     this.values = values;
