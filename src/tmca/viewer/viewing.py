@@ -81,9 +81,9 @@ class Viewer:
         if find_spec("anywidget") is None:
             return plain
         if self._widget is None:
-            from tmca.viewer.notebook import NotebookPage
+            from tmca.viewer.notebook import notebook_page
 
-            self._widget = NotebookPage(self._gallery)
+            self._widget = notebook_page(self._gallery)
         shown = self._widget._repr_mimebundle_(**asked)
         data, about = shown if isinstance(shown, tuple) else (shown, {})
         return {**(data or {}), **plain}, about
