@@ -75,8 +75,10 @@ export class App {
 
   // What is shown is drawn, and all that it needs is here; a page that nobody sees waits.
   async settled() {
-    await new Promise(requestAnimationFrame);
+    const drawn = () => new Promise(requestAnimationFrame);
+    await drawn();
     await this.planes.rest();
+    await drawn();
   }
 
   choose(number, given = null) {

@@ -130,8 +130,8 @@ export class LightField extends Desk {
   lines(item, across) {
     const layer = item.layers[0], [rows, columns] = item.grid, [y, , x] = this.placed(this.cursor, layer.size), step = layer.step;
     const count = across ? columns : rows, views = Array.from({ length: count }, (_, at) => this.planes.now(item.number, layer, across ? this.index(item, this.v, at) : this.index(item, at, this.u)));
-    const title = across ? `row ${y} over views` : `column ${x} over views`, length = layer.size[across ? 1 : 0];
-    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `epipolar lines, up and down: ${across ? "view column" : "view row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [0, count] } };
+    const title = across ? `epipolar lines of row ${y}` : `epipolar lines of column ${x}`, length = layer.size[across ? 1 : 0];
+    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `vertical: view ${across ? "column" : "row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [0, count] } };
     const data = views.every(Boolean) ? this.linesOf(views, across, Math.floor(y / step), Math.floor(x / step)) : null;
     const plane = data && { key: spec.key, data, rows: count, columns: data.length / count / 3, step: 1 };
     return { ...spec, paint: { plane, picture: true, map: "grey" } };

@@ -65,11 +65,14 @@ export class Panel {
   }
 
   #say(title, note) {
-    if (this.title.textContent !== title) this.title.textContent = title;
-    if (this.note.textContent !== note) this.note.textContent = note;
-    this.caption.title = `${title}  ${note}`;
+    const said = `${title}, ${note}`;
     this.caption.classList.toggle("small", this.margin === SMALL);
-    this.root.setAttribute("aria-label", `${title}, ${note}`);
+    if (this.said === said) return;
+    this.said = said;
+    this.title.textContent = title;
+    this.note.textContent = note;
+    this.caption.title = said; // where there is no room for all of it
+    this.root.setAttribute("aria-label", said);
   }
 
   #drawOver(box) {
@@ -281,7 +284,7 @@ function bar(context, x, y, tall, { map, span, label }) {
   context.textAlign = "left";
   context.fillStyle = ink.quiet;
   const round = ticks(...span, Math.max(tall / 40, 2));
-  for (const value of round.length > 2 ? round : span.map((end) => Number(end.toPrecision(2)))) {
+  for (const value of round.length > 1 ? round : span.map((end) => Number(end.toPrecision(2)))) {
     const at = y + tall - ((value - span[0]) / (span[1] - span[0])) * tall;
     context.fillText(shown(value, 3), x + 14, clamp(at, y + 5, y + tall - 4));
   }

@@ -40,8 +40,9 @@ export class Plot {
     const half = whole ? 0.5 : 0; // a slot is as wide as one step
     const [first, last] = extent([...domain, ...lines.flatMap((line) => [line.x[0], line.x[line.x.length - 1]])]);
     const [low, high] = widened([first - half, last + half], 0);
-    const [floor, ceiling] = widened(extent([...span, ...lines.flatMap(around)]) ?? [0, 1], 0.06);
-    this.frame = { left, width: right - left, low, high };
+    const reach = lines.flatMap(around), usual = span.length ? widened(span, 0.06) : null; // it stays while curves are within
+    const [floor, ceiling] = usual && reach.every((y) => !(y < usual[0] || y > usual[1])) ? usual : widened(extent([...span, ...reach]) ?? [0, 1], 0.06);
+    this.frame = { left, width: right - left, low, high, floor, ceiling };
     const across = (x) => left + ((x - low) / (high - low)) * (right - left);
     const up = (y) => bottom - ((y - floor) / (ceiling - floor)) * (bottom - top);
     axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel, whole });

@@ -293,7 +293,7 @@ export class Stack extends Desk {
     if (this.cursor) parts.push(`cursor: ${this.nameOf(this.cursor)}`);
     if (this.items.length > 1) {
       if (this.cursor) parts.push(element("br"), ...this.items.map((item) => this.sample(item, this.colourOf(item), item.role === "truth" ? [5, 3] : [])));
-      if (this.places.length) parts.push(element("br"), "kept: ", ...this.items.map((item, number) => this.sample(item, ink.quiet, DASHES[number % DASHES.length])));
+      if (this.places.length) parts.push(parts.length ? element("br") : "", "kept: ", ...this.items.map((item, number) => this.sample(item, ink.quiet, DASHES[number % DASHES.length])));
     }
     const bands = lines.some((line) => line.band && line.name.startsWith("row ")) ? ["pixels: ±1 predicted standard deviation"] : [];
     if (lines.some((line) => line.band && line.name.startsWith("rows"))) bands.push("regions: ±1 standard deviation of their pixels");

@@ -177,7 +177,7 @@ export class Looks {
     }
     this.which.value = this.chosen;
     this.maps.value = this.now.map;
-    this.unit.textContent = this.now.unit;
+    if (this.unit.textContent !== this.now.unit) this.unit.textContent = this.now.unit;
     this.power.setAttribute("aria-pressed", this.now.power !== 1);
     this.ends.forEach((input, end) => input.getRootNode().activeElement !== input && (input.value = Number(this.now.span[end].toPrecision(4))));
     const values = valuesOf(this.chosen);
