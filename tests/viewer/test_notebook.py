@@ -23,7 +23,7 @@ def gallery():
 
 
 def test_answers_are_those_of_the_server(gallery):
-    said, [sent] = answer(gallery, {"path": "plane", "given": PLANE})
+    _, [sent] = answer(gallery, {"path": "plane", "given": PLANE})
     np.testing.assert_array_equal(np.frombuffer(sent, np.float32).reshape(6, 9), CUBE[2])
     profile = {"item": 0, "layer": "values", "y0": 1, "y1": 3, "x0": 2, "x1": 5}
     with tmca.view(labelled()) as viewer:

@@ -73,7 +73,7 @@ class Newest(Gallery):
             self._changed.notify_all()
 
     def end(self) -> None:
-        """Let browsers know that there are no more: those that wait at once, those that were here lately in a moment."""
+        """Let browsers know that there are no more: those that wait, and those that were here lately."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -151,7 +151,9 @@ def _views(newest: Callable[[], Shown]) -> list[Layer]:
     axis = Axis.counted("view", rows * columns)
     layers = [Layer("values", IRRADIANCE, (size[0], size[1]), axis, views.read, column=views.column)]
     if len(newest().estimate.values) == _COLOURS:
-        layers.append(Layer("colour", "view in the middle", (size[0], size[1]), ONE, _middle(newest), colours="picture"))
+        layers.append(
+            Layer("colour", "view in the middle", (size[0], size[1]), ONE, _middle(newest), colours="picture")
+        )
     return layers
 
 
@@ -197,4 +199,3 @@ def _still(values: Tensor | None, camera: Any) -> Tensor:
     assert values is not None
     moves = values.ndim > 1 + len(camera.scene_shape)
     return values[:, values.shape[1] // 2] if moves else values
-

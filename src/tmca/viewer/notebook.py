@@ -14,7 +14,7 @@ def notebook_page(gallery: Gallery) -> Any:
     import anywidget
     import traitlets
 
-    class NotebookPage(anywidget.AnyWidget):
+    class NotebookPage(anywidget.AnyWidget):  # type: ignore[misc, unused-ignore]
         """The page; its parts come with it."""
 
         _esm = script("widget")

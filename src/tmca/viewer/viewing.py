@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from socket import SO_REUSEADDR, SOL_SOCKET, socket
 from threading import Thread
-from typing import Any
+from typing import Any, Self
 
 from tmca.errors import SettingError, check_range
 from tmca.viewer.gallery import Gallery
@@ -45,7 +45,15 @@ class Viewer:
         self._port, token = self._socket.getsockname()[1], secrets.token_urlsafe(16)
         self.address = f"http://{HOST}:{self._port}/?token={token}"
         app = application(gallery, token, {f"{name}:{self._port}" for name in (HOST, "localhost")})
-        config = uvicorn.Config(app, log_level="critical", access_log=False, lifespan="off", ws="none", http="h11", timeout_graceful_shutdown=_LAST)
+        config = uvicorn.Config(
+            app,
+            log_level="critical",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            http="h11",
+            timeout_graceful_shutdown=_LAST,
+        )
         self._server = uvicorn.Server(config)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="tmca view", daemon=True)
         self._thread.start()
@@ -65,7 +73,7 @@ class Viewer:
         while self._thread.is_alive():
             self._thread.join(0.5)
 
-    def __enter__(self) -> Viewer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
