@@ -23,27 +23,9 @@ TEXTS = {
     "weights.md": "src/tmca/weights/README.md",
 }
 """Pages, and the files of the project that they show."""
-ROOMS = [
-    "cameras",
-    "sensor",
-    "codes",
-    "optics",
-    "operators",
-    "decoders",
-    "priors",
-    "design",
-    "applications",
-    "training",
-    "evaluation",
-    "data",
-    "metrics",
-    "plots",
-    "dbd",
-    "errors",
-]
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
-    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "errors"),
+    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "adapters", "testing", "errors"),
 )
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
 _IMAGE = re.compile(r"(!\[[^\]]*\]\()docs/")

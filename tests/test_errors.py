@@ -1,5 +1,7 @@
 """The three checks: what passes, and where what does not is said to be."""
 
+import pickle
+
 import numpy as np
 import pytest
 import torch
@@ -82,3 +84,13 @@ def test_an_error_is_a_line_of_where_found_and_expected(call, line):
     with pytest.raises((ShapeError, SettingError)) as caught:
         call()
     assert str(caught.value) == line
+
+
+def test_an_error_comes_whole_out_of_another_process():
+    error = pickle.loads(pickle.dumps(SettingError("--jobs", "-1", "1 or more", "take 2")))
+    assert isinstance(error, SettingError)
+    assert (str(error), error.where, error.remedy) == (
+        "--jobs: found -1, expected 1 or more; take 2",
+        "--jobs",
+        "take 2",
+    )

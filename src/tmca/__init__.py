@@ -51,6 +51,7 @@ _FACE = {
 }
 """Names of the package's face and where they live."""
 _ROOMS = (
+    "adapters",
     "applications",
     "cameras",
     "codes",
@@ -68,6 +69,7 @@ _ROOMS = (
     "reports",
     "sensor",
     "specs",
+    "testing",
     "training",
     "tuning",
     "viewer",

@@ -101,7 +101,7 @@ def _types(function: Any, takes: Signature) -> dict[str, tuple[TypeAdapter[Any],
     names = vars(sys.modules[function.__module__])
     hints = get_type_hints(SimpleNamespace(__annotations__=annotated), names, include_extras=True)
     config = ConfigDict(arbitrary_types_allowed=True)
-    return {name: (TypeAdapter(_instances(hint), config=config), _words(hint)) for name, hint in hints.items()}
+    return {name: (TypeAdapter(_instances(hint), config=config), in_words(hint)) for name, hint in hints.items()}
 
 
 def _instances(hint: Any) -> Any:
@@ -129,14 +129,14 @@ def _taken(parameter: Parameter, value: Any, wanted: tuple[TypeAdapter[Any], str
         raise SettingError(parameter.name, described(value), wanted[1], remedy) from None
 
 
-def _words(hint: Any) -> str:
+def in_words(hint: Any) -> str:
     """A type in a few words."""
     if get_origin(hint) is Annotated:
-        return next((words for words in hint.__metadata__ if isinstance(words, str)), _words(hint.__origin__))
+        return next((words for words in hint.__metadata__ if isinstance(words, str)), in_words(hint.__origin__))
     if get_origin(hint) in (Union, UnionType):
-        return ", or ".join(_words(part) for part in get_args(hint) if part is not NoneType)
+        return ", or ".join(in_words(part) for part in get_args(hint) if part is not NoneType)
     if isinstance(hint, TypeVar):
-        return _words(hint.__bound__)
+        return in_words(hint.__bound__)
     if get_origin(hint) is Literal:
         return ", or ".join(map(repr, get_args(hint)))
     name = str(getattr(hint, "__name__", hint))
@@ -306,9 +306,9 @@ def checked_settings(decoder: type[Any], given: Mapping[str, Any], *, texts: boo
         try:
             checked[name] = adapter.validate_strings(value) if texts else adapter.validate_python(value)
         except ValidationError:
-            raise SettingError(name, repr(value), _words(types[name])) from None
+            raise SettingError(name, repr(value), in_words(types[name])) from None
         if not texts and isinstance(value, str) and isinstance(checked[name], int | float):
-            raise SettingError(name, repr(value), _words(types[name]), "give a number, not a text")
+            raise SettingError(name, repr(value), in_words(types[name]), "give a number, not a text")
     return checked
 
 

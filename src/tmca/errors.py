@@ -7,8 +7,24 @@ from math import inf, isfinite
 from numbers import Real
 from typing import Any
 
+__all__ = [
+    "DataError",
+    "DeviceError",
+    "OutputError",
+    "SettingError",
+    "ShapeError",
+    "TmcaError",
+    "check_choice",
+    "check_range",
+    "check_shape",
+    "did_you_mean",
+]
 _LONGEST, _END = 250, 50
 """Characters of what is shown of what was met, which may come from a file, and of its end."""
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
 
 
 class TmcaError(Exception):
@@ -33,6 +49,10 @@ class TmcaError(Exception):
         if remedy:
             text += f"; {remedy}"
         super().__init__(" ".join(text.split()))
+
+    def __reduce__(self) -> tuple[type[TmcaError], tuple[str, str, str, str]]:
+        """The parts: that is how it comes out of another process."""
+        return type(self), (self.where, self.found, self.expected, self.remedy)
 
 
 class DataError(TmcaError):

@@ -1,17 +1,23 @@
-"""Classes of other packages: those named in entry points, which register themselves once imported, and their source."""
+"""Classes of other packages: those named in entry points, which register themselves once imported, those of a file that
+is named with them, and their source."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
+from importlib.util import module_from_spec, spec_from_file_location
+from inspect import isabstract
 from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
 from typing import Any
 from warnings import warn
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, did_you_mean
 
 Class = type[Any]
 _REFUSED: list[dict[Class, str]] = []
@@ -73,6 +79,93 @@ def take(cls: Class, register: Callable[[Class], None], what: str) -> None:
         if not _REFUSED:
             raise
         _REFUSED[-1][cls] = f"{what} {_LEFT_OUT} {error}"
+
+
+def names_a_file(text: str) -> bool:
+    """Whether a text names a class of a file, ``FILE.py:Class``, and not one that is registered."""
+    return text.rpartition(":")[0].endswith(".py")
+
+
+def class_from_file(text: str, base: type, name: str) -> Class:
+    """A class of a Python file. This runs the file: call it with what somebody typed, never with what was read.
+
+    The file can import modules that lie beside it. It runs once, and again after it was edited.
+
+    Args:
+        text: ``FILE.py:Class``.
+        base: what the class has to be a subclass of; ``object`` for any class.
+        name: the option or the argument that the text was given to, for errors.
+
+    Raises:
+        SettingError: another form, no such file, a file that cannot be run, no such class in it, or one that is no
+            subclass of ``base`` or lacks methods of it.
+    """
+    place, _, wanted = text.rpartition(":")
+    if not (names_a_file(text) and wanted.isidentifier()):
+        raise SettingError(name, repr(text), "FILE.py:Class")
+    path = Path(place).expanduser()
+    if not path.is_file():
+        raise SettingError(name, f"{path}, which is no file", "a Python file", "see to its folder and its spelling")
+    module = _run_file(path.resolve(), name)
+    cls = getattr(module, wanted, None)
+    if not (isinstance(cls, type) and issubclass(cls, base)):
+        there = [one for one, value in vars(module).items() if _defined(value, module, base)]
+        found = f"no class {wanted} in {path}" if cls is None else f"{text}, which is no {base.__name__}"
+        expected = f"a subclass of {base.__name__}" if base is not object else "a class"
+        expected += f": {', '.join(there)}" if there else ""
+        raise SettingError(name, found, expected, did_you_mean(wanted, there))
+    if isabstract(cls):
+        lacks = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
+        raise SettingError(name, f"{text} without {lacks}", f"all that a {base.__name__} has", f"define {lacks} in it")
+    return cls
+
+
+def _defined(value: Any, module: ModuleType, base: type) -> bool:
+    """Whether a value is a class that a module has defined, of the kind that is wanted."""
+    return isinstance(value, type) and issubclass(value, base) and value.__module__ == module.__name__
+
+
+_FROM_FILES: dict[str, tuple[str, ModuleType]] = {}
+"""Modules of files that were run, by their name, with the digest of the source that was run."""
+
+
+def _run_file(path: Path, name: str) -> ModuleType:
+    """The module of a file; what fails in it is a SettingError in one line that says where."""
+    called = f"{path.stem}_{sha256(str(path).encode()).hexdigest()[:12]}"
+    digest = source_digest(path)
+    if called in _FROM_FILES and _FROM_FILES[called][0] == digest:
+        return _FROM_FILES[called][1]
+    spec = spec_from_file_location(called, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    before, sys.modules[called] = sys.modules.get(called), module  # data classes look their module up
+    try:
+        with _importing_beside(path):
+            spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        sys.modules.pop(called)
+        sys.modules.update({} if before is None else {called: before})
+        said = f"{type(error).__name__}: {error}{_line_in(path, error)}"
+        raise SettingError(name, f"{path}, which fails with {said}", "a file that runs", "mend it") from error
+    _FROM_FILES[called] = digest, module
+    return module
+
+
+@contextmanager
+def _importing_beside(path: Path) -> Iterator[None]:
+    """Modules of the file's folder can be imported, after all others of their names."""
+    sys.path.append(str(path.parent))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(path.parent))
+
+
+def _line_in(path: Path, error: BaseException) -> str:
+    """The line of a file that an error comes from, unless its text says so."""
+    lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
+    return f" (line {lines[-1]})" if lines else ""
 
 
 def source_digest(place: Path) -> str:

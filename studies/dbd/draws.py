@@ -291,8 +291,9 @@ def _measured(draw: Draw) -> Measured:
     recovery = draw.solved(problem)
     seconds, score = time.process_time() - began, recovery.score(problem, draw.tolerance)
     measured: Measured = {
-        "seconds": seconds, "exact": recovery.exact, "certified": recovery.certified, "silent": not recovery.found,
-        "success": score.success, "right_number": all(one.right_number for one in score.sources),
+        "seconds": seconds, "exact": recovery.exact, "certified": recovery.certified,
+        "silent": not any(map(len, recovery)), "success": score.success,
+        "right_number": all(one.right_number for one in score.sources),
         "error": score.max_error if np.isfinite(score.max_error) else None,
         "correlation": min(one.waveform_correlation for one in score.sources),
     }  # fmt: skip

@@ -34,7 +34,7 @@ def estimated(batch=1):
     ("call", "where"),
     [
         *((lambda scene=scene: taken(scene), "scene") for scene in (
-            None, [], 3, CUBE.values[0], VIEWS, CUBE.drop_vars("wavelength"), np.array(["a"]),
+            None, [], 3, CUBE.values[0], VIEWS, CUBE.assign_coords(wavelength=range(4)), np.array(["a"]),
         )),
         *((lambda scene=scene: taken(scene), "coffee") for scene in (NAN, CUBE - 1, (255 * CUBE).astype("uint8"))),
         (lambda: taken("nowhere"), "nowhere"), (lambda: taken(CUBE, LIGHT_FIELD), "scene"),
@@ -44,7 +44,7 @@ def estimated(batch=1):
         *((lambda motion=motion: taken(motion=motion), "motion") for motion in (3, "x", (99, 0), (np.nan, 0))),
         *((lambda seed=seed: taken(seed=seed), "seed") for seed in ("x", -1, 1.5)),
         (lambda: taken(hardware="leakage=1"), "hardware"), (lambda: taken(bands=3), "bands"),
-        *((lambda estimate=estimate: tmca.evaluate(estimate, CUBE), "estimate") for estimate in (None, CUBE.values)),
+        *((lambda estimate=estimate: tmca.evaluate(estimate, CUBE), "estimate") for estimate in (None, 3)),
         (lambda: tmca.evaluate(taken(), CUBE), "estimate"), (lambda: tmca.evaluate(estimated(2), CUBE), "estimate"),
         *((lambda truth=truth: tmca.evaluate(estimated(), truth), "truth") for truth in (None, NAN, VIEWS)),
         (lambda: tmca.evaluate(estimated(), CUBE, bands=3), "bands"),
@@ -88,8 +88,9 @@ def test_arrays_and_axes_in_another_order_are_the_same_scene(scene, camera):
 
 
 def test_bands_of_an_array_are_even_where_the_camera_has_none():
-    bound = taken(CUBE.values).camera
-    assert bound.wavelengths == tmca.SpectralCamera(4).wavelengths
+    with pytest.warns(SceneWarning, match="4 bands without wavelengths"):
+        bound = taken(CUBE.values).camera
+    assert bound.wavelengths == pytest.approx(tmca.SpectralCamera(4).wavelengths)
 
 
 def test_a_file_of_few_bands_is_read_whole(tmp_path):

@@ -217,14 +217,14 @@ def test_its_pictures_lie_beside_its_snapshot(taken, tmp_path):
 def test_the_demo_shows_a_camera_of_another_package(tmp_path, monkeypatch, installed, capsys):
     for kind in ("spectral", "light-field", "spectral-depth"):
         monkeypatch.setattr(APPLICATIONS[kind], "demo", None)
-    command = ("demo", "--size", "14x17", "--out", tmp_path / "demo")
+    command = ("demo", "--size", "14x17", "--jobs", "1", "--out", tmp_path / "demo")
     found = answer(capsys, *command)
     rows = found["single_pixel"]
     assert found["report"] == str(tmp_path / "demo" / "report.html")
     assert [row["code"] for row in rows] == ["60 masks", "160 masks"]
     assert rows[1]["psnr"] > rows[0]["psnr"]
     page = (tmp_path / "demo" / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2
+    assert page.count(";base64,") == 2
     assert "<h2>One pixel</h2>" in page
     assert "demo/report.html: found the report of an earlier demo" in refused(capsys, *command, lines=None)
     monkeypatch.setattr("tmca.applications.demo.run_demo", lambda out, **how: found)

@@ -6,9 +6,8 @@ import pytest
 import torch
 
 from tmca.cameras import CAMERAS, LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
-from tmca.errors import SettingError, ShapeError
 from tmca.optics import PhaseMaskBench, Undersampled
-from tmca.sensor import Sensor
+from tmca.testing.cameras import CHECKS, case_of
 
 BENCH = PhaseMaskBench(window=(5, 7), mask_pixels=12, diameter=1e-3)
 DEPTH = {"bands": 3, "size": (9, 12), "slots": 2, "planes": 3, "bench": BENCH}
@@ -43,58 +42,23 @@ def made(name, **changes):
 
 def inputs(camera, batch=2, dtype=torch.float32):
     """A scene, and its depth where the camera images it."""
-    source = torch.Generator().manual_seed(0)
-    scene = torch.rand(batch, *camera.scene_shape, generator=source).to(dtype)
-    if not isinstance(camera, SpectralDepthCamera):
-        return (scene,)
-    far, near = 1 / camera.planes.far, 1 / camera.planes.near
-    return scene, (1 / (far + (near - far) * torch.rand(batch, 1, *camera.size, generator=source))).to(dtype)
+    return tuple(part.to(dtype) for part in case_of(camera).given(batch=batch))
 
 
 def test_every_kind_of_camera_is_here():
     assert {kind.kind for kind, _ in CAMERAS_UNDER_TEST.values()} == set(CAMERAS)
 
 
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 @each_camera
-def test_a_snapshot_has_the_stated_shape_and_a_batch_is_taken_one_by_one(name):
+def test_every_camera_conforms(name, check):
+    check(case_of(made(name)))
+
+
+@each_camera
+def test_a_snapshot_is_drawn(name):
     camera = made(name)
-    given = inputs(camera)
-    together = camera(*given)
-    assert tuple(together.shape) == (2, *camera.snapshot_shape)
-    alone = torch.cat([camera(*(part[i : i + 1] for part in given)) for i in range(2)])
-    torch.testing.assert_close(together, alone, atol=1e-6, rtol=1e-5)
-
-
-@each_camera
-def test_noise_repeats_by_seed_and_comes_after_the_optics(name):
-    camera = made(name, sensor=Sensor(read_noise=0.1))
-    given = inputs(camera)
-    assert torch.equal(camera(*given, generator=3), camera(*given, generator=3))
-    assert float((camera(*given, generator=3) - camera.exact(*given)).std()) == pytest.approx(0.1, rel=0.35)
-
-
-@each_camera
-def test_a_dark_scene_is_dark_and_a_white_one_stays_below_full_scale(name):
-    camera = made(name)
-    scene, *depth = inputs(camera)
-    assert float(camera(torch.zeros_like(scene), *depth).abs().max()) < 1e-6
-    white = camera(torch.ones_like(scene), *depth)
-    assert 0 < float(white.max()) <= camera.full_scale * (1 + 1e-4)
-    assert 0 < camera.throughput() <= 1
-
-
-@each_camera
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_the_adjoint_is_the_transpose_and_imaging_is_linear(name, dtype):
-    camera = made(name)
-    camera = camera.double() if dtype == torch.float64 else camera
-    scene, *depth = inputs(camera, dtype=dtype)
-    snapshot = torch.rand(2, *camera.snapshot_shape).to(dtype)
-    image = camera.A(scene, *depth)
-    there, back = (image * snapshot).sum(), (scene * camera.A_adjoint(snapshot, *depth)).sum()
-    torch.testing.assert_close(there, back, rtol=1e-4 if dtype == torch.float32 else 1e-6, atol=0)
-    torch.testing.assert_close(camera.A(2 * scene, *depth), 2 * image, rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(image, camera.exact(scene, *depth), rtol=1e-4, atol=1e-5)
+    assert "data:image/png;base64," in Snapshot(camera(*inputs(camera, batch=1)), camera)._repr_html_()
 
 
 @each_camera
@@ -115,21 +79,6 @@ def test_a_scene_that_stands_still_is_the_same_slot_by_slot(name):
     scene, *depth = inputs(camera)
     moving = scene[:, None].expand(-1, camera.slots, *([-1] * (scene.ndim - 1)))
     torch.testing.assert_close(camera.exact(moving, *depth), camera.exact(scene, *depth), atol=1e-5, rtol=1e-5)
-
-
-@each_camera
-def test_replacing_nothing_is_the_same_camera_and_a_sensor_leaves_the_first_as_it_is(name):
-    camera = made(name)
-    given = inputs(camera)
-    before = camera(*given)
-    torch.testing.assert_close(camera.replace()(*given), before, rtol=1e-6, atol=1e-6)
-    noisy = camera.replace(sensor=Sensor(read_noise=0.2))
-    assert noisy.noise.read == pytest.approx(0.2)
-    assert camera.noise.read == 0
-    assert not torch.equal(noisy(*given, generator=0), before)
-    assert all(torch.equal(one, other) for one, other in zip(noisy.codes(), camera.codes(), strict=True))
-    with pytest.raises(SettingError, match="nonsense"):
-        camera.replace(nonsense=1)
 
 
 @each_camera
@@ -186,46 +135,6 @@ def test_every_preset_takes_a_snapshot_of_its_size_without_a_warning(kind, prese
     snapshot = camera(*inputs(camera, batch=1))
     assert snapshot.shape == (1, *camera.snapshot_shape)
     assert not [told for told in recwarn if issubclass(told.category, Undersampled)]
-
-
-@each_camera
-def test_a_snapshot_says_in_a_line_what_it_is(name):
-    camera = made(name)
-    snapshot = Snapshot(camera(*inputs(camera, batch=1)), camera)
-    assert len(repr(snapshot).splitlines()) == 1
-    assert camera.kind in repr(snapshot)
-    assert f"buckets={camera.buckets}" in repr(camera)
-    if camera.psf_window is None:
-        with pytest.raises(ShapeError, match="as many buckets"):
-            camera.A_adjoint(torch.ones(1, 7 * camera.snapshot_shape[0], *camera.snapshot_shape[1:]))
-    assert "data:image/png;base64," in snapshot._repr_html_()
-
-
-@each_camera
-def test_scenes_are_labelled(name):
-    camera = made(name)
-    scene = inputs(camera, batch=1)[0]
-    labelled = camera.label(scene, "a scene")
-    assert labelled.shape == camera.scene_shape
-    assert labelled.attrs["long_name"] == "a scene"
-
-
-@each_camera
-def test_scenes_of_another_size_are_refused(name):
-    camera = made(name)
-    scene, *depth = inputs(camera)
-    with pytest.raises(ShapeError):
-        camera(scene[..., :-1], *depth)
-
-
-@each_camera
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_a_graphics_processor_images_alike(name):
-    camera = made(name)
-    given = inputs(camera)
-    before = camera(*given)
-    camera.cuda()
-    torch.testing.assert_close(camera(*(part.cuda() for part in given)).cpu(), before, atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.parametrize("kind", CAMERAS)

@@ -2,11 +2,14 @@
 
 import json
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tmca.cli import main
+from tmca.dbd import Chirp
 
 SMALL = ("-M", "9", "-P", "5", "-J", "2", "--targets", "2", "--paths", "1")
 
@@ -19,6 +22,19 @@ def test_simulated_samples_are_solved_and_drawn(capsys, tmp_path):
     assert "success" in printed
     assert (tmp_path / "overlaid.recovery.nc").exists()
     assert (tmp_path / "overlaid.recovery.png").stat().st_size > 10_000
+    assert "joint separation (Monsalve et al. 2022)" in printed
+
+
+def test_a_known_chirp_takes_the_place_of_a_basis_and_targets_go_to_a_table(capsys, tmp_path):
+    rows = Chirp(9e6, 5e-7).rows(4, 21, 3e-6)[:, 0]
+    y = rows * np.exp(-2j * np.pi * (np.arange(21) - 10) * 0.3) * np.ones((4, 1))
+    np.savez("y.npz", y=y, delay_s=3e-6, doppler_hz=2e5, sigma=0.0)
+    asked = ("dbd", "solve", "y.npz", "--waveform", "radar=chirp:bandwidth=9e6,duration=5e-7", "--no-certify")
+    assert "target 1" in said(capsys, *asked, "--csv", "t.csv", "--figure", "t.pdf", "--axes", "time")
+    frame = pd.read_csv("t.csv")
+    assert frame.name.tolist() == ["target 1"]
+    assert frame.delay_s[0] == pytest.approx(0.9e-6)
+    assert (tmp_path / "t.pdf").exists()
 
 
 @pytest.mark.slow

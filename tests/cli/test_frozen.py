@@ -10,6 +10,7 @@ import os
 import re
 import shlex
 import tempfile
+from operator import itemgetter
 from pathlib import Path
 from typing import Annotated, Literal, get_args, get_origin
 
@@ -104,10 +105,12 @@ def printed():
 
 def test_no_spelling_is_lost():
     frozen = json.loads(FROZEN.read_text())["options"]
-    assert set(frozen) <= {name for name, _ in commands(app)}
+    assert set(frozen) <= {name for name, _ in sorted(commands(app), key=itemgetter(0))}
 
 
-@pytest.mark.parametrize(("name", "command"), [pytest.param(*one, id=one[0]) for one in commands(app)])
+@pytest.mark.parametrize(
+    ("name", "command"), [pytest.param(*one, id=one[0]) for one in sorted(commands(app), key=itemgetter(0))]
+)
 def test_options_stay_as_they_are(name, command):
     assert options(command) == json.loads(FROZEN.read_text())["options"].get(name, [])
 
@@ -121,6 +124,6 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         lines = [f"{json.dumps(name)}: [\n  " + ",\n  ".join(map(json.dumps, options(one))) + "]"
-                 for name, one in commands(app)]  # fmt: skip
+                 for name, one in sorted(commands(app), key=itemgetter(0))]  # fmt: skip
         keys = [f"{json.dumps(name)}: {json.dumps(value)}" for name, value in printed().items()]
         FROZEN.write_text('{"options": {\n' + ",\n".join(lines) + '},\n"json": {\n' + ",\n".join(keys) + "}}\n")

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from tests.cli.calls import said
+from tmca.cli.app import COMMANDS as COMMANDS_BY_PLACE
+from tmca.cli.app import GROUPS, app
 
 COMMANDS = sorted(json.loads(Path(__file__).with_name("frozen.json").read_text())["options"])
 SCREEN = 42
@@ -33,3 +35,19 @@ def test_a_title_follows_an_empty_line(command, capsys, monkeypatch):
     titles = [place for place, line in enumerate(lines) if line.startswith("── ")]
     assert len(titles) > 2
     assert not any(lines[place - 1].strip() for place in titles)
+
+
+def test_the_command_alone_shows_how_to_start_by_commands_that_exist(capsys):
+    guide = said(capsys)
+    commands = [line.split("  ")[1].split() for line in guide.splitlines() if line.startswith("  tmca ")]
+    parsed = [app.parse_args(words[1:], exit_on_error=False, print_error=False) for words in commands[:-2]]
+    assert len(parsed) >= 4
+    assert max(map(len, guide.splitlines())) <= 80
+
+
+def test_the_first_page_shows_every_command_by_what_it_is_for(capsys):
+    page = said(capsys, "--help")
+    assert [page.count(f"\n── {title} ") for title in GROUPS] == [1] * len(GROUPS)
+    assert list(COMMANDS_BY_PLACE) == [
+        line.split()[0] for line in page.splitlines() if line.startswith("  ") and line[2].isalpha()
+    ]

@@ -199,6 +199,9 @@ REFUSED = {
         "--from default --captures . --out tuned": "found no captures",
     },
     "dbd": {
+        "simulate --known nobody": "one of radar, communications, both",
+        "solve nothere.nc --waveform radar=tone:f=1": "one of chirp, ofdm, samples",
+        "solve nothere.nc --waveform nowhere.yaml": "nowhere.yaml: found no such file",
         "simulate --snr nan": "expected -300 to 300 dB",
         "simulate --snr -5000": "snr_db: found -5000",
         "simulate --targets x": "--targets: found 'x'",

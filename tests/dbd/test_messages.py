@@ -1,10 +1,12 @@
 """What block messages hide, and what a late clock does."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 from tests.dbd.loops import moved, noise, polynomial, samples, small
-from tmca.dbd import Source, Truth
+from tmca.dbd import Source, Truth, simulate, solve
 from tmca.dbd.simulation import beyond_prefix, lagged
 from tmca.errors import SettingError
 
@@ -76,3 +78,33 @@ def test_of_a_block_message_that_is_heard_in_part_only_what_shows_counts(late, c
     source = small("block", basis="gaussian").sources[1]
     received = beyond_prefix(source, noise(np.random.default_rng(0), 7, 2), late)
     assert received.rows.shape == (5, 7, columns)  # six messages of two coefficients
+
+
+def test_with_the_radar_known_fewer_samples_are_enough():
+    asked = {"M": 7, "P": 4, "J": 5, "targets": 2, "paths": 1, "seed": 1, "basis": "gaussian", "separation": 0.25}
+    known, blind = (simulate(**asked, known=one) for one in ("radar", None))
+    assert [one.unknowns for one in known.sources] == [1, 5]
+    assert known.truth[0].points.tolist() == blind.truth[0].points.tolist()
+    assert solve(known, certify=False).score().success
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert not solve(blind, certify=False).score().success
+
+
+def test_with_the_radar_known_gains_and_messages_are_least_squares_at_the_recovered_points():
+    problem = simulate(M=9, P=5, J=2, targets=2, paths=1, seed=0, snr_db=20, known="radar")
+    recovery = solve(problem)
+    radar, link = recovery
+    numbers = (np.arange(9) - 4, np.arange(5)[:, None])
+    waves = [np.exp(-2j * np.pi * (numbers[0] * x[0] + numbers[1] * x[1])) for x in (*radar.points, *link.points)]
+    sent = problem.sources[0].rows[..., 0]
+    columns = [(sent * wave).ravel() for wave in waves[:2]]
+    columns += [(problem.sources[1].rows[..., one] * waves[2]).ravel() for one in range(2)]
+    numbers = np.linalg.lstsq(np.stack(columns, 1), problem.y.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(numbers[:2], radar.amplitudes * radar.waveform[0], atol=1e-5)
+    np.testing.assert_allclose(numbers[2:], link.amplitudes[0] * link.waveform, atol=1e-5)
+
+
+def test_only_transmitters_can_be_known():
+    with pytest.raises(SettingError, match="one of radar, communications, both"):
+        simulate(known="nobody")

@@ -1,7 +1,7 @@
 """What every decoder holds to on every camera that it names, at tiny and odd sizes; plug-ins are held to it too."""
 
 from dataclasses import fields
-from functools import cache
+from functools import cache, wraps
 
 import pytest
 import torch
@@ -15,6 +15,8 @@ from tmca.decoders.nets.build import build_depth_network
 from tmca.errors import SettingError
 from tmca.priors import GaussianMixturePrior, PatchDictionary, prior_kinds
 from tmca.sensor import Sensor
+from tmca.testing import decoders
+from tmca.testing.decoders import DecoderCase
 
 SIZE = (13, 17)
 SENSOR = Sensor(read_noise=0.02)
@@ -91,83 +93,29 @@ def case(cls, kind):
     return camera, values_for(camera), prior_for(cls.prior_kind, kind), settings_for(cls, kind)
 
 
-def tensors(estimate):
-    parts = ("values", "deviation", "depth", "confidence", "planes")
-    return {name: getattr(estimate, name) for name in parts if getattr(estimate, name) is not None}
-
-
-def check_shape_and_determinism(cls, kind):
+def checked(cls, kind):
+    """A decoder under test."""
     camera, values, prior, settings = case(cls, kind)
-    settings |= {"uncertainty": True} if cls.deviation else {}
-    shares = []
-    first = decode(Snapshot(values, camera), cls.name, prior=prior, progress=shares.append, **settings)
-    again = decode(Snapshot(values, camera), cls.name, prior=prior, **settings)
-    assert shares == sorted(shares)
-    assert not shares or 0 < shares[-1] <= 1 + 1e-9
-    shape = (2, *make_decoder(cls, kind, settings).scene_shape(camera))
-    assert first.values.shape == shape
-    assert first.values.isfinite().all()
-    assert first.decoder == cls.name
-    if cls.clips:
-        assert first.values.min() >= 0
-    if cls.deviation:
-        assert first.deviation.shape == shape
-    if kind == "spectral-depth":
-        assert first.depth.shape == first.confidence.shape == (2, 1, *camera.size)
-    for name, part in tensors(first).items():
-        assert torch.equal(part, tensors(again)[name]), name
-    assert cls.name in repr(first)
-    assert len(repr(first)) < 200
-
-
-def check_a_batch_is_its_snapshots_one_by_one(cls, kind):
-    camera, values, prior, settings = case(cls, kind)
-    prepared = make_decoder(cls, kind, settings).prepare(camera, prior)
-    together = prepared(values).values
-    alone = torch.cat([prepared(one).values for one in values.split(1)])
     # those that stop, balance their penalty, or take the level of the noise, over the whole batch
     shared = cls.name.startswith(("admm", "pnp")) or cls.name == "dictionary"
-    atol = 5e-2 if shared else 1e-4
-    torch.testing.assert_close(together, alone, atol=atol, rtol=1e-3)
+    return DecoderCase(cls(**settings), camera, values, prior, 5e-2 if shared else 1e-4)
 
 
-def check_prepared_is_decode(cls, kind):
-    camera, values, prior, settings = case(cls, kind)
-    prepared = make_decoder(cls, kind, settings).prepare(camera, prior)
-    prepared(values.flip(0))  # an earlier frame leaves nothing behind
-    whole = decode(Snapshot(values, camera), cls, prior=prior, **settings)
-    tolerance = 0 if getattr(prepared.state, "bank", None) is None else 1e-4
-    torch.testing.assert_close(prepared(values).values, whole.values, atol=tolerance, rtol=0)
+def check_depth_has_its_shape(cls, kind):
+    if kind == "spectral-depth":
+        one = checked(cls, kind)
+        estimate = one.decode()
+        assert estimate.depth.shape == estimate.confidence.shape == (2, 1, *one.camera.size)
 
 
-def check_darkness_gives_numbers(cls, kind):
-    camera, values, prior, settings = case(cls, kind)
-    dark = decode(Snapshot(torch.zeros_like(values[:1]), camera), cls.name, prior=prior, **settings)
-    assert all(part.isfinite().all() for part in tensors(dark).values())
-
-
-def check_refusals(cls, kind):
-    camera, values, prior, settings = case(cls, kind)
-    with pytest.raises(SettingError) as refusal:
-        decode(Snapshot(values, camera), cls.name, prior=prior, no_such_setting=1)
-    assert refusal.value.where == "no_such_setting"
+def check_cameras_of_other_kinds_are_refused(cls, kind):
+    _, values, _, settings = case(cls, kind)
     for other in set(KINDS) - cls.cameras:
         taken = Snapshot(values, camera_for(LMMSE, other))
         for decoder in (cls.name, cls, cls(**settings)):
             with pytest.raises(SettingError) as refusal:
                 decode(taken, decoder)
             assert refusal.value.where == "decoder"
-
-
-def check_double_precision(cls, kind):
-    camera, values, prior, settings = case(cls, kind)
-    if cls.name == "network":
-        pytest.skip("networks are in single precision")
-    single = decode(Snapshot(values, camera), cls.name, prior=prior, **settings).values
-    double = decode(Snapshot(values.double(), camera.double()), cls.name, prior=prior, **settings).values
-    assert double.dtype == torch.float64
-    if not cls.moving:
-        torch.testing.assert_close(double.float(), single, atol=2e-2, rtol=1e-2)
 
 
 def check_two_buckets(cls, kind):
@@ -186,28 +134,21 @@ def check_two_buckets(cls, kind):
     assert untrained or not torch.equal(prepared(other).values, estimate)
 
 
-def check_a_graphics_processor_decodes_alike(cls, kind):
-    if not torch.cuda.is_available():
-        pytest.skip("no CUDA device")
-    camera, values, prior, settings = case(cls, kind)
-    settings |= {"uncertainty": True} if cls.deviation else {}
-    here = decode(Snapshot(values, camera), cls.name, prior=prior, **settings)
-    there = decode(Snapshot(values, camera), cls.name, prior=prior, device="cuda", **settings)
-    assert camera.response.device.type == "cpu"
-    atol = 2e-2 if cls.name.startswith(("admm", "pnp", "dictionary")) else 2e-3
-    for name, part in tensors(there).items():
-        assert part.device.type == "cuda"
-        if name != "planes":
-            torch.testing.assert_close(part.cpu(), tensors(here)[name], atol=atol, rtol=1e-2, msg=name)
+def of_package(check):
+    """A check of `tmca.testing` on a decoder and a kind of camera."""
+
+    @wraps(check)
+    def checking(cls, kind):
+        if cls.name == "network" and "double_precision" in check.__name__:
+            pytest.skip("networks are in single precision")
+        check(checked(cls, kind))
+
+    return checking
 
 
 CHECKS = (
-    check_a_graphics_processor_decodes_alike,
-    check_shape_and_determinism,
-    check_a_batch_is_its_snapshots_one_by_one,
-    check_prepared_is_decode,
-    check_darkness_gives_numbers,
-    check_refusals,
-    check_double_precision,
+    *map(of_package, decoders.CHECKS),
+    check_depth_has_its_shape,
+    check_cameras_of_other_kinds_are_refused,
     check_two_buckets,
 )

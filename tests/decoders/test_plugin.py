@@ -12,30 +12,14 @@ from conformance import CHECKS
 from tests.plugin_packages import install
 from tmca.cameras import CAMERAS, Snapshot, SpectralCamera
 from tmca.cli import main
+from tmca.cli.new import names_of, rendered
 from tmca.decoders import DECODERS, Decoder, decode, decoders_for
 from tmca.errors import SettingError
 from tmca.plugins import BrokenPlugin, load_plugins
 
-PACKAGE = '''
-from dataclasses import dataclass
-from tmca.decoders import Decoder
-
-@dataclass
-class Backprojection(Decoder):
-    """The adjoint, as bright as asked for.
-
-    Args:
-        gain: factor.
-    """
-
-    name, label, cameras = "backprojection", "backprojected", frozenset({"spectral", "light-field"})
-    gain: float = 1.0
-
-    def reconstruct(self, prepared, values, progress):
-        return self.gain * prepared.operator().A_adjoint(values)
-'''
-
-
+PACKAGE = rendered("decoder", names_of("backprojection"))["backprojection.py"].replace(
+    '"backprojection", "backprojection"', '"backprojection", "backprojected"'
+)
 FROM_MEAN = re.search(r"```python\n# my_package/from_mean.py\n(.*?)```", Path("CONTRIBUTING.md").read_text(), re.S)[1]
 
 

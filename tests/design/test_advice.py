@@ -1,11 +1,15 @@
 """Advice for a sensor: slots that fit, the same effort for all, gains that are counted from the static code."""
 
+from dataclasses import replace
+from types import SimpleNamespace as Made
+
 import pytest
 import torch
 
 from tests.design.small_designs import designed
 from tests.small_scenes import smooth_scene
 from tmca.design import Effort, SensorSheet, advise, design_model, designable, learn_examples
+from tmca.design.advice import _best
 from tmca.errors import SettingError
 
 SMALL = Effort(descents=1, steps=6, flips=0)
@@ -134,3 +138,27 @@ def test_every_bucket_has_its_own_read_noise_and_the_exposure_is_the_same(exampl
     for read in (0.0, 0.02):
         one = examples.tile_mse(2**0.5 * read, shot).whole(static)  # the sum of both reads
         assert examples.tile_mse(read, shot).whole(burst) == pytest.approx(one, rel=1e-4)
+
+
+def made(kind, slots, gain):
+    return Made(design=Made(kind=kind, slots=slots), gain=gain)
+
+
+def test_the_fewest_slots_near_the_best_are_taken():
+    found = [made("free", 2, 0.85), made("free", 4, 1.9), made("free", 8, 2.05), made("burst", 2, 9.0)]
+    assert _best(found, "one", 0.1).design.slots == 4
+    assert _best(found, "one", 0.0).design.slots == 8
+    low = [made("free", 2, 0.42), made("one-hot", 2, 0.45), made("free", 4, 0.5)]
+    assert _best(low, "one", 0.0) is low[1]  # 0.1 dB count even where they are more than the share
+
+
+def test_what_more_slots_gave_is_told_of_codes_with_as_many_buckets(examples):
+    found = advise(examples, SensorSheet(), slots=[2, 4], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    own = replace(found, one=found.surveyed[1], two=None)
+    surveyed = {(c.design.kind, c.design.slots): c.gain for c in found.surveyed}
+    best = own.best.design
+    if own.multiplex and best.slots == 2:
+        most = max(surveyed["one-hot", 4], surveyed["free", 4])
+        assert own.more_slots == {4: pytest.approx(most - surveyed[best.kind, 2])}
+    else:
+        assert 2 not in own.more_slots

@@ -144,5 +144,8 @@ def test_a_search_that_fails_is_tried_and_said_once_and_what_needs_it_is_left_ou
     behind = {(cell["code"], cell["seed"]) for cell in measured if cell["step"] in ("training", "measurement")}
     assert ("searched", 6) in behind
     assert not {("searched", 5), ("from searched", 5), ("from learned", 5)} & behind
-    with pytest.raises(CellsFailed, match=r"found 1 of \d+ cells failed \(search · for each noise · some · seed 5\)"):
+    with pytest.raises(
+        CellsFailed,
+        match=r"found 1 of \d+ cells failed \(search · for each noise · some · seed 5: ValueError: no such codes\)",
+    ):
         grid.check()

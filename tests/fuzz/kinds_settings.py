@@ -14,7 +14,7 @@ from tests.fuzz.kinds_formats import _labelled
 from tmca.cameras import SpectralCamera
 from tmca.cli.design import _sheet as sheet
 from tmca.data import write_json
-from tmca.dbd import read_scenario, simulate
+from tmca.dbd import read_recording, read_scenario, read_waveforms, simulate
 from tmca.dbd.files import load_problem, save_problem
 from tmca.dbd.model import Units
 from tmca.design import load_examples
@@ -46,6 +46,22 @@ def _samples(path: Path) -> None:
     )  # fmt: skip
 
 
+def _sigmf(path: Path) -> None:
+    path.write_text(
+        '{"global": {"core:datatype": "ci16_le", "core:sample_rate": 5e6, "core:num_channels": 1},'
+        ' "captures": [{"core:sample_start": 0, "core:header_bytes": 0, "core:frequency": 77e9}]}'
+    )
+    np.arange(24, dtype="<i2").tofile(path.with_suffix(".sigmf-data"))
+
+
+def _waveforms(path: Path) -> None:
+    path.write_text(
+        "radar: {kind: chirp, bandwidth_hz: 8e6, duration_s: 1.0e-6, pieces: 2}\n"
+        "communications: {kind: ofdm, subcarriers: 9, unknowns: 2, shared: yes, prefix_s: 1.0e-6, seed: 1}\n"
+        "other: {kind: samples, file: pulse.npy, sample_rate_hz: 5e6, start_s: 0.0, count: 9}\n"
+    )
+
+
 def _scenario(path: Path) -> None:
     path.write_text(
         "bandwidth_hz: 10e6\nuseful_s: 3.3e-6\nprefix_s: 1.2e-6\ncarrier_hz: 77e9\npulses: 5\nsubspace: 2\n"
@@ -61,6 +77,8 @@ def _draw(path: Path) -> Any:
 
 kind("problem.nc", _problem, load_problem)
 kind("samples.npz", _samples, load_problem)
+kind("pulse.sigmf-meta", _sigmf, read_recording)
+kind("waveforms.yaml", _waveforms, lambda path: read_waveforms(str(path)))
 kind("scenario.yaml", _scenario, _draw)
 
 

@@ -70,6 +70,7 @@ COMMANDS = {
                   "basis=gaussian", "--draws", "2", "--out", "studied", "--work", "work", "--overwrite"],
     "view": ["view", "sim.nc", "--static", "page.html", "--overwrite"],
     "design": ["design", "judge", "sim.nc", "--json"],
+    "new": ["new", "camera", "weighted", "--overwrite"],
     "decoder export": ["decoder", "export", "run", "--out", "decoder", "--formats", "torch", "--overwrite"],
 }  # fmt: skip
 HELD = {"train", "tune", "sweep", "study", "capture", "live", "calibrate capture", "dbd study"}

@@ -16,10 +16,11 @@ from tmca.operators import (
     dual_disperser,
     of_buckets,
     single_disperser,
-    sparse_matrix,
 )
 from tmca.operators.spectral_depth import framed, transfer_functions
 from tmca.optics import Dispersion, ViewShear
+from tmca.testing import check_operator
+from tmca.testing.operators import CHECKS, inner_products_are_the_same_on_both_sides
 
 SIZES = [(5, 8), (6, 7), (1, 9), (4, 1)]
 SHEAR = ViewShear((3, 3))
@@ -103,62 +104,60 @@ def test_every_operator_of_the_room_is_here():
     assert room - {LinearOperator} == here
 
 
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
 @each_operator
-def test_shapes_and_batches(make, size):
-    operator = make(size)
-    scene = rand(2, *operator.scene_shape)
-    image = operator.A(scene)
-    assert tuple(image.shape) == (2, *operator.snapshot_shape)
-    torch.testing.assert_close(image, torch.cat([operator.A(one) for one in scene.split(1)]))
-    back = operator.A_adjoint(image)
-    assert tuple(back.shape) == tuple(scene.shape)
-    torch.testing.assert_close(operator(scene), image)
+def test_every_operator_conforms(make, size, check):
+    check(make(size))
 
 
-@pytest.mark.parametrize("precision", [torch.float32, torch.float64], indirect=True)
+@pytest.mark.parametrize("precision", [torch.float32], indirect=True)
 @each_operator
-def test_inner_products_are_the_same_on_both_sides(make, size, precision):
-    operator = make(size)
-    scene, snapshot = rand(2, *operator.scene_shape) - 0.5, rand(2, *operator.snapshot_shape) - 0.5
-    image, back = operator.A(scene), operator.A_adjoint(snapshot)
-    assert image.dtype == back.dtype == precision
-    error = abs((image * snapshot).sum() - (scene * back).sum())
-    assert error <= 50 * torch.finfo(precision).eps * image.norm() * snapshot.norm()
+def test_inner_products_are_the_same_in_single_precision(make, size, precision):
+    inner_products_are_the_same_on_both_sides(make(size))
 
 
-@each_operator
-def test_the_adjoint_is_the_transpose_of_the_explicit_matrix(make, size):
-    operator = make(size)
-    matrix = torch.from_numpy(sparse_matrix(operator).toarray())
-    snapshot = rand(1, *operator.snapshot_shape)
-    expected = (matrix.T @ snapshot.flatten()).reshape(1, *operator.scene_shape)
-    torch.testing.assert_close(operator.A_adjoint(snapshot), expected, atol=1e-6, rtol=1e-5)
+class Tilted(LinearOperator):
+    """Weights of every pixel; what is wrong with it is said by its parts."""
+
+    def __init__(self, back=1.0, gram=1.0, dtype=torch.float64, forget=False):
+        super().__init__()
+        self.weights, self.back, self.gram, self.forget = rand(2, 3, 5).to(dtype), back, gram, forget
+        self.scene_shape, self.snapshot_shape = (2, 3, 5), (1, 3, 5)
+
+    def A(self, scene):
+        image = (self.weights * scene).sum(1, keepdim=True)
+        return image[:1] if self.forget else image
+
+    def A_adjoint(self, snapshot):
+        return self.back * self.weights * snapshot
+
+    def gram_solve(self, snapshot, shift, **iteration):
+        return self.gram * snapshot / (self.weights.square().sum(0) + shift)
 
 
-@each_operator
-def test_the_proximal_step_is_the_dense_solution(make, size):
-    operator, rho = make(size), 0.3
-    matrix = torch.from_numpy(sparse_matrix(operator).toarray())
-    point, snapshot = rand(1, *operator.scene_shape), rand(1, *operator.snapshot_shape)
-    system = matrix.T @ matrix + rho * torch.eye(matrix.shape[1])
-    dense = torch.linalg.solve(system, matrix.T @ snapshot.flatten() + rho * point.flatten())
-    torch.testing.assert_close(operator.prox_l2(point, snapshot, rho).flatten(), dense, atol=1e-5, rtol=1e-5)
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_an_operator_of_plain_tensors_is_checked_against_a_slow_loop(dtype):
+    operator = Tilted(dtype=dtype)
+
+    def loop(scene):
+        image = torch.zeros(1, 3, 5)
+        for band in range(2):
+            for y in range(3):
+                for x in range(5):
+                    image[0, y, x] += operator.weights[band, y, x] * scene[band, y, x]
+        return image
+
+    check_operator(operator, loop=loop)
+    with pytest.raises(AssertionError, match=r"Tilted: A is its slow loop: A differs by"):
+        check_operator(operator, loop=lambda scene: 1.01 * loop(scene))
 
 
-@each_operator
-def test_the_pseudo_inverse_is_the_least_norm_scene(make, size):
-    operator = make(size)
-    matrix = torch.from_numpy(sparse_matrix(operator).toarray())
-    exact = operator.A(rand(1, *operator.scene_shape))
-    least = torch.linalg.pinv(matrix, rcond=1e-10) @ exact.flatten()
-    estimate = operator.A_dagger(exact)
-    torch.testing.assert_close(operator.A(estimate), exact, atol=1e-4, rtol=1e-4)
-    assert float(estimate.norm()) <= float(least.norm()) * (1 + 1e-3)
-
-
-@each_operator
-def test_nothing_comes_of_nothing(make, size):
-    operator = make(size)
-    dark = torch.zeros(1, *operator.snapshot_shape)
-    assert not operator.A_dagger(dark).any()
-    assert not operator.A(torch.zeros(1, *operator.scene_shape)).any()
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"back": 1.01}, "Tilted: inner products are the same on both sides: ⟨A x, y⟩ is"),
+    ({"gram": 1.01}, "Tilted: the proximal step minimises its objective: .*differs by"),
+    ({"forget": True}, r"Tilted: shapes and batches are as stated: A of a batch of two of shape \(1, 1, 3, 5\)"),
+])  # fmt: skip
+def test_what_is_wrong_with_an_operator_is_one_line(wrong, said):
+    with pytest.raises(AssertionError, match=said) as failed:
+        check_operator(Tilted(**wrong))
+    assert "\n" not in str(failed.value)

@@ -13,12 +13,13 @@ import numpy as np
 from pydantic import ConfigDict
 from torch import Tensor
 
-from tmca.applications.camera_figures import codes_figure
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.data import read_dataset, read_scene
+from tmca.data.in_memory import bare_cube
 from tmca.data.scene_names import READING, compare_source
+from tmca.data.scenes import SCENE_KINDS
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
 from tmca.plots.estimates import estimate_figure
@@ -95,8 +96,10 @@ class Application(ABC):
     # Scenes
 
     def read(self, source: str, **reading: Any) -> Scene:
-        """A scene from a file, or a rendered one by name, labelled; see `tmca.data.read_scene`."""
-        return read_scene(source, self.kind, **reading)  # type: ignore[arg-type]
+        """A scene from a file, or a rendered one by name, labelled, see `tmca.data.read_scene`: as the cameras of this
+        package take it, of which the application is one or extends one; else what the scene is."""
+        kinds = (vars(base).get("kind") for base in type(self).__mro__)
+        return read_scene(source, next((kind for kind in kinds if kind in SCENE_KINDS), None), **reading)
 
     def scene(self, given: Any, camera: Any, where: str = "scene") -> Scene:
         """A scene as `tmca.simulate` and `tmca.evaluate` take it, labelled.
@@ -112,7 +115,8 @@ class Application(ABC):
         if isinstance(given, str | Path):
             return self.read(str(given))
         if hasattr(given, "dims"):
-            return self.labelled(given, where)
+            bare = bare_cube(given)
+            return self.labelled(given, where) if bare is None else self.of_array(bare, camera, where)
         if not isinstance(given, Tensor | np.ndarray):
             raise DataError(where, described(given), "a scene", "read it with tmca.read")
         return self.of_array(given.numpy(force=True) if isinstance(given, Tensor) else given, camera, where)
@@ -216,7 +220,7 @@ class Application(ABC):
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:
         """What a camera shows, by the names in ``codes``."""
-        return {"codes": codes_figure(camera)}
+        return {"codes": camera.plot()}
 
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None

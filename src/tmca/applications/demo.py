@@ -18,6 +18,7 @@ from tmca.cameras import Camera, Snapshot, load_cameras
 from tmca.data import atomic_path, make_folder
 from tmca.decoders import Estimate, decode
 from tmca.errors import OutputError, TmcaError
+from tmca.workers import in_processes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     Scene = xr.DataArray | xr.Dataset
 
 Progress = Callable[[float, str], None]
+_Outcome = tuple[list[dict[str, Any]], dict[str, Path]]
 _ENDS = (("throughput", "light", ".1%"), ("seconds", "s", ".1f"))
 
 
@@ -102,7 +104,12 @@ def demo_columns(kind: str) -> Columns:
 
 
 def run_demo(
-    out: Path, *, size: tuple[int, int] = (192, 256), overwrite: bool = False, progress: Progress | None = None
+    out: Path,
+    *,
+    size: tuple[int, int] = (192, 256),
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    jobs: int = 1,
 ) -> dict[str, Any]:
     """Take and reconstruct snapshots of rendered scenes that no prior was learned from.
 
@@ -111,6 +118,7 @@ def run_demo(
         size: (H, W) of the scenes, pixels; views of the light field and the scene with depth are two thirds of it.
         overwrite: replace earlier results in ``out``.
         progress: called with the share that is done and what is next.
+        jobs: scenes that are computed side by side.
 
     Returns:
         Rows of the tables: ``rows`` of the spectral camera, ``light_field``, ``spectral_depth``, …; ``report`` file and
@@ -126,86 +134,112 @@ def run_demo(
     start, tell = time.perf_counter(), progress or (lambda share, step: None)
     make_folder(out.parent)
     if out.exists():
-        rows = _Run(out, size, overwrite, tell).all()
+        rows = _all(out, size, overwrite, tell, jobs)
     else:
         with atomic_path(out) as folder:  # whole or not at all: an interrupted demo leaves nothing behind
             try:
-                rows = _Run(make_folder(folder), size, overwrite, tell).all()
+                rows = _all(make_folder(folder), size, overwrite, tell, jobs)
             except TmcaError as error:  # the folder that the user knows
                 place = error.where.replace(str(folder), str(out))
                 raise type(error)(place, error.found, error.expected, error.remedy) from error
     return {**rows, "report": str(out / "report.html"), "seconds": time.perf_counter() - start}
 
 
-@dataclass(frozen=True)
-class _Run:
-    """One run of the demonstration into a folder that exists."""
+def _all(
+    out: Path, size: tuple[int, int], overwrite: bool, tell: Progress, jobs: int
+) -> dict[str, list[dict[str, Any]]]:
+    """Files of every scene, and the report; returns the rows of the tables."""
+    load_cameras()
+    demos = {kind: one.demo for kind, one in APPLICATIONS.items() if one.demo is not None}
+    parts = [_Part(kind, name, out, size, overwrite) for kind, demo in demos.items() for name in demo.scenes]
+    parts.sort(key=lambda part: len(demos[part.kind].scenes))  # the scene that is alone takes longest
+    done = dict(zip(parts, _computed(parts, tell, jobs), strict=True))
+    sections, rows = [], {}
+    for kind, demo in demos.items():
+        scenes = {
+            part.name: done[part] for name in demo.scenes for part in parts if (part.kind, part.name) == (kind, name)
+        }
+        rows[demo.key] = [row for one, _ in scenes.values() for row in one]
+        sections += _sections(kind, demo, rows[demo.key], {name: drawn for name, (_, drawn) in scenes.items()})
+    write_report(out / "report.html", "tmca demo: snapshot cameras", sections, overwrite=overwrite)
+    tell(1.0, "done")
+    return rows
 
+
+def _computed(parts: Sequence[_Part], tell: Progress, jobs: int) -> list[_Outcome]:
+    """Rows and pictures of every part, in their order."""
+    if jobs <= 1:
+        count = len(parts)
+        return [part.run(lambda step, place=place: tell(place / count, step)) for place, part in enumerate(parts)]
+    outcomes: dict[int, _Outcome] = {}
+    tell(0.0, f"{len(parts)} scenes, {min(jobs, len(parts))} at a time")
+    for place, outcome in in_processes(_Part.run, [(part,) for part in parts], jobs):
+        outcomes[place] = outcome
+        tell(len(outcomes) / len(parts), f"{parts[place].kind}: {parts[place].name} is done")
+    return [outcomes[place] for place in range(len(parts))]
+
+
+def _sections(
+    kind: str, demo: Demo, rows: Sequence[dict[str, Any]], drawn: Mapping[str, dict[str, Path]]
+) -> list[Section]:
+    """A table and pictures: one section, or a summary and one for each of several scenes."""
+    several = len(demo.scenes) > 1
+    table = [*_means(rows), *rows] if several else rows
+    summary = Section(demo.title, demo.text(table), table, demo_columns(kind))
+    if several:
+        return [summary, *(Section(f"Scene: {name}", figures={**pictures}) for name, pictures in drawn.items())]
+    summary.figures = {**drawn[demo.scenes[0]]}
+    return [summary]
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A scene before every camera of a kind and back, into a folder that exists."""
+
+    kind: str
+    name: str
     out: Path
     size: tuple[int, int]
     overwrite: bool
-    tell: Progress
 
-    def all(self) -> dict[str, list[dict[str, Any]]]:
-        """Every camera's files, and the report; returns the rows of the tables."""
+    def run(self, tell: Callable[[str], None] | None = None) -> _Outcome:
+        """Rows of its table, and the files of its pictures by their captions."""
         load_cameras()
-        kinds, sections, rows = [kind for kind, one in APPLICATIONS.items() if one.demo], [], {}
-        for place, kind in enumerate(kinds):
-            camera_rows, pages = self._camera(kind, place / len(kinds), 1 / len(kinds))
-            sections += pages
-            rows[APPLICATIONS[kind].demo.key] = camera_rows  # type: ignore[union-attr]
-        write_report(self.out / "report.html", "tmca demo: snapshot cameras", sections, overwrite=self.overwrite)
-        self.tell(1.0, "done")
-        return rows
-
-    def _camera(self, kind: str, begin: float, share: float) -> tuple[list[dict[str, Any]], list[Section]]:
-        """The rows of a camera, and its sections: one, or a summary and one for each of its scenes."""
-        demo = APPLICATIONS[kind].demo
+        demo, tell = APPLICATIONS[self.kind].demo, tell or (lambda step: None)
         assert demo is not None
-        several, rows, pages = len(demo.scenes) > 1, [], []
-        for place, name in enumerate(demo.scenes):
-            self.tell(begin + share * place / len(demo.scenes), f"{kind}: {name}")
-            scene = demo.scene(name, self._size(demo))
-            taken = {one.trial.code: one for one in self._taken(scene, demo, begin + share * place / len(demo.scenes))}
-            rows += [
-                {"code": c, **({"scene": name} if several else {}), **_figures(one, scene)} for c, one in taken.items()
-            ]
-            pages.append(Section(f"Scene: {name}", figures=self._drawn(demo.figures(name, scene, taken))))
-        table = [*_means(rows), *rows] if several else rows
-        summary = Section(demo.title, demo.text(table), table, demo_columns(kind))
-        if several:
-            return rows, [summary, *pages]
-        summary.figures = pages[0].figures
-        return rows, [summary]
-
-    def _size(self, demo: Demo) -> tuple[int, int]:
+        tell(f"{self.kind}: {self.name}")
         height, width = (max(32, int(side * demo.share)) for side in self.size)
-        return self.size if demo.share == 1 else (height, width)
+        scene = demo.scene(self.name, self.size if demo.share == 1 else (height, width))
+        taken = {one.trial.code: one for one in self._taken(scene, demo, tell)}
+        named = {"scene": self.name} if len(demo.scenes) > 1 else {}
+        rows = [{"code": code, **named, **_figures(one, scene)} for code, one in taken.items()]
+        figures = demo.figures(self.name, scene, taken)
+        return rows, {
+            caption: save_picture(picture, self.out / file, overwrite=self.overwrite)
+            for file, (caption, picture) in figures.items()
+        }
 
-    def _taken(self, scene: Any, demo: Demo, share: float) -> Iterator[Taken]:
+    def _taken(self, scene: Any, demo: Demo, tell: Callable[[str], None]) -> Iterator[Taken]:
         """The scene through every camera and back, with their files."""
         for trial in demo.trials(scene):
             step = f"{trial.stem}: {trial.code}"
-            self.tell(share, step)
+            tell(step)
             snapshot = simulate(scene, trial.camera)
             snapshot.save(self.out / f"{trial.stem}_snapshot.nc", overwrite=self.overwrite)
-
-            def learning(done: float, what: str | None = None) -> None:
-                self.tell(share, what or step)  # noqa: B023
-
-            estimate = decode(snapshot, trial.decoder, progress=learning, **trial.settings)
+            estimate = decode(snapshot, trial.decoder, progress=_reporter(tell, step), **trial.settings)
             metrics = evaluate(estimate, scene)
             estimate.notes |= metric_notes(metrics)
             estimate.save(self.out / f"{trial.stem}_{estimate.decoder}.nc", overwrite=self.overwrite)
             yield Taken(trial, snapshot, estimate, metrics)
 
-    def _drawn(self, figures: Mapping[str, tuple[str, Any]]) -> dict[str, Any]:
-        """Pictures by their captions, also as files."""
-        drawn = {}
-        for name, (caption, picture) in figures.items():
-            file = save_picture(picture, self.out / name, overwrite=self.overwrite)
-            drawn[caption] = file if file.suffix == ".gif" else picture
-        return drawn
+
+def _reporter(tell: Callable[[str], None], step: str) -> Callable[..., None]:
+    """What a decoder calls with its progress, of which only what is done next is told."""
+
+    def report(share: float | None, what: str | None = None) -> None:
+        tell(what or step)
+
+    return report
 
 
 def _figures(one: Taken, scene: Any) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -17,13 +18,14 @@ from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.data import describe
-from tmca.data.in_memory import check_light, warn_of_estimate
+from tmca.data.in_memory import bare_cube, check_light, warn_of_estimate
 from tmca.data.scene_names import compare_scene
+from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.progress import Asked, reporting
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
     from matplotlib.figure import Figure
 
@@ -44,7 +46,7 @@ def simulate(
     seed: Seed = 0,
     motion: Pair = (0.0, 0.0),
     hardware: Hardware | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Asked = None,
 ) -> Snapshot[Any]:
     """Take a snapshot of a scene.
 
@@ -57,7 +59,8 @@ def simulate(
         motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
             scene is its place in the middle.
         hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
-        progress: called with the share that is done.
+        progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
+            a second in a terminal or a notebook.
 
     Raises:
         SettingError: faults that this camera cannot have, another number of scenes than slots, or several that move.
@@ -82,9 +85,9 @@ def simulate(
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {MOTION: list(moved)} if any(moved) else {}
-    with torch.no_grad():
+    with torch.no_grad(), reporting(progress, "simulate") as report:
         bench = imperfect(camera, faults, seed)
-        values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=progress)
+        values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=report)
     notes |= {"hardware": faults.described()} if faults.faults() else {}
     return Snapshot(values, camera, notes)
 
@@ -132,14 +135,14 @@ class Evaluation:
 
 
 def evaluate(
-    estimate: Estimate | xr.Dataset | str | Path, truth: Scene, *, frames: int | None = None, **reading: Any
+    estimate: Estimate | Scene, truth: Scene, *, frames: int | None = None, **reading: Any
 ) -> dict[str, float]:
     """Figures of merit of an estimate, against the scene that it is of; of an estimate in frames their means.
 
     The scene of a frame is the truth moved as the snapshot notes.
 
     Args:
-        estimate: of a decoder, its file, or what it holds.
+        estimate: of a decoder, its file, or what it holds: labelled, or an array or a tensor of the scene.
         truth: the scene, as `tmca.read` gives it, an array as the camera's scenes are, or what is read: as it was read
             for the snapshot, where that is noted; brought to the bands and size of the estimate.
         frames: of equal length within the exposure, with each of which an estimate without any is compared; the scene
@@ -158,7 +161,7 @@ def evaluate(
 
 
 def evaluation_of(
-    estimate: Estimate | xr.Dataset | str | Path,
+    estimate: Estimate | Scene,
     truth: Scene,
     application: Application | None = None,
     *,
@@ -172,8 +175,8 @@ def evaluation_of(
         parts = {"values": estimate.values.numpy(force=True)}
         parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
     else:
-        if not isinstance(estimate, str | Path) and not hasattr(estimate, "data_vars"):
-            raise SettingError("estimate", described(estimate), "an Estimate, its to_xarray(), or its file")
+        if not isinstance(estimate, str | Path):
+            estimate = _as_dataset(estimate, truth)
         application = application or application_for(estimate)
         stored = application.stored(where, **reading) if isinstance(estimate, str | Path) else estimate
         if not {"radiance", "estimate"} & set(stored):
@@ -202,6 +205,34 @@ def evaluation_of(
         pairs = frame_pairs(stored, scene, moved, count)
         metrics = mean_of([application.metrics(_parts(one), true, camera) for one, true in pairs])
     return Evaluation(application, camera, stored, scene, metrics)
+
+
+def _as_dataset(estimate: Any, truth: Any) -> xr.Dataset:
+    """An estimate in memory as `Estimate.to_xarray` labels it; of an array with the labels of a truth of its shape.
+
+    Raises:
+        SettingError, DataError: no estimate.
+    """
+    if hasattr(estimate, "data_vars"):
+        dataset: xr.Dataset = estimate
+        return dataset
+    if not isinstance(estimate, np.ndarray | Tensor) and not hasattr(estimate, "dims"):
+        expected = "an Estimate, its to_xarray(), an array, or its file"
+        raise SettingError("estimate", described(estimate), expected)
+    labelled = estimate if hasattr(estimate, "dims") else _labelled(estimate, truth)
+    bare = bare_cube(labelled)
+    cube: xr.DataArray = labelled if bare is None else of_array(bare, "estimate")
+    return cube.to_dataset(name="estimate").assign_attrs(cube.attrs)
+
+
+def _labelled(values: np.ndarray | Tensor, truth: Any) -> xr.DataArray:
+    """An array as a truth of its shape is labelled, a batch of one apart; else by its axes alone."""
+    array = values.numpy(force=True) if isinstance(values, Tensor) else values
+    shape = getattr(truth, "shape", None) if hasattr(truth, "coords") else None
+    if shape is None or array.shape not in (shape, (1, *shape)):
+        return of_array(array, "estimate")
+    labelled: xr.DataArray = truth.copy(data=array.reshape(shape))
+    return labelled
 
 
 def _frames(stored: xr.Dataset, asked: int | None) -> int | None:

@@ -18,8 +18,8 @@ from tmca.applications.spectral import METRICS
 from tmca.cameras import LightFieldCamera
 from tmca.data import label_light_field, light_fields
 from tmca.data.fitting import fit_views
-from tmca.data.in_memory import as_views, of_shape
-from tmca.data.light_field_scenes import as_batch, load_light_field, true_disparity
+from tmca.data.in_memory import as_tensors, as_views, of_shape
+from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError
 from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
@@ -114,7 +114,7 @@ class LightFieldApplication(Application):
         return fit_views(scene, camera.views, camera.size, where)
 
     def tensors(self, scene: xr.DataArray) -> tuple[Tensor, ...]:
-        return (as_batch(scene),)
+        return as_tensors(scene)
 
     def check(self, scene: xr.DataArray, camera: Any) -> dict[str, Any]:
         """See ``Application``: how the scene was read."""

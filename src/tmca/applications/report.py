@@ -16,6 +16,8 @@ from tmca.data import write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_QUALITY = 85
+
 
 @dataclass
 class Section:
@@ -26,7 +28,7 @@ class Section:
         text: paragraphs.
         table: rows of a table, dictionaries.
         columns: (key, heading, format) of the table's columns.
-        figures: caption → figure, or GIF file.
+        figures: caption → figure, or the file of one (PNG, GIF).
     """
 
     title: str
@@ -65,9 +67,22 @@ def _rendered(section: Section) -> dict[str, Any]:
 
 
 def _embedded(figure: Figure | Path) -> tuple[str, str]:
-    """Media type and content of a picture."""
-    if isinstance(figure, Path):
-        return "image/gif", base64.b64encode(figure.read_bytes()).decode()
+    """Media type and content of a picture: as it is or as WebP, whichever is smaller."""
+    content = figure.read_bytes() if isinstance(figure, Path) else _png(figure)
+    kind = "gif" if isinstance(figure, Path) and figure.suffix == ".gif" else "png"
+    kind, smaller = min((kind, content), ("webp", _webp(content)), key=lambda one: len(one[1]))
+    return f"image/{kind}", base64.b64encode(smaller).decode()
+
+
+def _png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=110, format="png", facecolor="white")
-    return "image/png", base64.b64encode(buffer.getvalue()).decode()
+    figure.savefig(buffer, dpi=max(figure.dpi, 110), format="png", facecolor="white")
+    return buffer.getvalue()
+
+
+def _webp(picture: bytes) -> bytes:
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.open(io.BytesIO(picture)).save(buffer, "WEBP", quality=_QUALITY, save_all=True)
+    return buffer.getvalue()

@@ -12,7 +12,7 @@ from pydantic import Json
 from torch import Tensor
 
 from tmca.applications.base import Application, noted_reading
-from tmca.applications.camera_figures import phase_codes_figure, psf_figure
+from tmca.applications.camera_figures import psf_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
 from tmca.attributes import REMEDY, Attributes, attributes_of
@@ -20,9 +20,9 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.sensor_tiles import check_holds
 from tmca.data import read_dataset
 from tmca.data.depth_maps import UNKNOWN_KINDS, unknown_kinds
-from tmca.data.depth_scenes import depth_tensor, load_spectral_depth
+from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import FITTED, fit_depth_scene, middle_of
-from tmca.data.in_memory import as_depth_scene
+from tmca.data.in_memory import as_depth_scene, as_tensors
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError
 from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
@@ -124,8 +124,7 @@ class SpectralDepthApplication(Application):
         return fit_depth_scene(scene, camera.wavelengths, camera.size, planes.near, planes.far, where, mapped=mapped)
 
     def tensors(self, scene: xr.Dataset) -> tuple[Tensor, ...]:
-        cube = torch.from_numpy(np.array(scene["radiance"].values, dtype=np.float32))
-        return cube[None], depth_tensor(scene)
+        return as_tensors(scene[["radiance", "depth"]])
 
     def check(self, scene: xr.Dataset, camera: Any) -> dict[str, Any]:
         """See ``Application``: pixels whose depth the camera does not know, how the scene was read and mapped.
@@ -173,7 +172,7 @@ class SpectralDepthApplication(Application):
 
     def code_figures(self, camera: Any) -> dict[str, Figure]:
         """See ``Application``: masks with shutter and filters, and the point spread functions."""
-        return {"codes": phase_codes_figure(camera), "psf": psf_figure(camera)}
+        return {"codes": camera.plot(), "psf": psf_figure(camera)}
 
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None

@@ -1,6 +1,7 @@
 """Codes, optics, operator and sensor joined into cameras."""
 
-from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.coded import BandCamera, CodedCamera
 from tmca.cameras.described import CodesWarning, camera_of, seen_by
 from tmca.cameras.faulty import SomeCamera, defective, imperfect
 from tmca.cameras.frames import in_finer_time
@@ -16,6 +17,7 @@ __all__ = [
     "LIMITS",
     "PAIRS",
     "PARTS",
+    "BandCamera",
     "Camera",
     "CodedCamera",
     "CodesWarning",
@@ -37,3 +39,7 @@ __all__ = [
     "moving_scenes",
     "seen_by",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

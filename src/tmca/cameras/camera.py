@@ -2,54 +2,39 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
-import numpy as np
 import torch
-from pydantic import Field, Json
 from torch import Tensor, nn
 
 from tmca.arguments import Count, FromArguments, Size, checked
-from tmca.attributes import Attributes, attributes_of
-from tmca.codes import Codes, MultiplexedCodes, bucket_shutters, fitted_codes
-from tmca.codes.files import TILE, Axes, Frame, by_bucket, code_variables, tensors
+from tmca.attributes import attributes_of
+from tmca.cameras.attributes import CameraAttributes
 from tmca.errors import DataError, SettingError, check_choice, check_shape
-from tmca.operators import EXPOSURES, LinearOperator, TapOperator, Taps, exposure_weight
-from tmca.sensor import Noise, Sensor, band_wavelengths, channel_weights
+from tmca.operators import EXPOSURES, LinearOperator, exposure_weight
+from tmca.sensor import Noise, Sensor
 from tmca.specs import CameraSpec
+from tmca.summaries import Summary, range_nm, sizes
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tmca.plots.thumbnails import Panel
 
 T = TypeVar("T")
 CAMERAS: dict[str, type[Camera]] = {}
 """Cameras by their kind."""
 
-CODING = tuple(Codes.__dataclass_fields__)
-"""Parts of the description of codes, which constructors also take one by one."""
+_AXES = {"band": "bands, rows, columns", "view": "rows and columns of views, rows, columns"}
+_CORNER = 64
+"""Pixels along each side of codes that are shown."""
 
 
-class CameraAttributes(Attributes):
-    """What a file says of any camera; ``Sensor`` checks its own arguments, and ``size`` is where codes repeat."""
-
-    exposure: str
-    full_scale: float = Field(gt=0)
-    sensor: Json[dict[str, Any]]
-    buckets: Annotated[int, Field(ge=1, le=256)] = 1
-    size: Json[Frame] | None = None
-
-
-class CodedAttributes(CameraAttributes):
-    """Of a camera with an aperture and a shutter."""
-
-    period: Json[Frame | None] = None
-
-
-class Camera(FromArguments, nn.Module, ABC):
+class Camera(Summary, FromArguments, nn.Module, ABC):
     """Scene → optics of slot k → shutter of slot k → mean over slots → sensor (thesis eqs 4, 5).
 
     A new camera is one subclass: it names its ``kind``, says what its scene and its snapshot look like, builds its
@@ -84,6 +69,20 @@ class Camera(FromArguments, nn.Module, ABC):
         self.sensor: Sensor = sensor or Sensor()  # type: ignore[assignment]
         self.unbound = frozenset(name for name in self.from_scene if self._given.get(name) is None)
         self._cache: dict[str, tuple[tuple[object, ...], Any]] = {}
+
+    def __getattr__(self, name: str) -> Tensor | nn.Module:
+        """What torch holds; of a property that failed, which torch would say is not there, what it lacks."""
+        part = getattr(type(self), name, None)
+        if not isinstance(part, property):
+            return super().__getattr__(name)
+        assert part.fget is not None
+        try:
+            return part.fget(self)
+        except AttributeError as error:
+            where = f"{type(self).__name__}.{name}"
+            raise SettingError(
+                where, str(error), "all that it uses", "set it in __init__, before it is used"
+            ) from error
 
     @property
     @abstractmethod
@@ -163,9 +162,48 @@ class Camera(FromArguments, nn.Module, ABC):
         """Names of the axes of snapshots (B, C, H, W') in a file, those of length one left out."""
         return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
 
-    def extra_repr(self) -> str:
-        """What the text of the camera begins with."""
-        return f"slots={self.slots}, buckets={self.buckets}"
+    def _facts(self) -> dict[str, str]:
+        noise = self.noise
+        noisy = [f"{name} {value:.3g}" for name, value in (("read", noise.read), ("shot", noise.shot)) if value]
+        return {
+            "scene": f"{sizes(self.scene_shape)} ({_AXES[self.channel]})",
+            "bands": range_nm(self.wavelengths),
+            "slots": f"K = {self.slots}, {self.exposure} exposure",
+            "buckets": str(self.buckets),
+            "noise": " and ".join(noisy) or "none",
+            "not given": f"{' and '.join(sorted(self.unbound))}: those of the first scene" if self.unbound else "",
+            "learned": "codes or response" if self.learnable else "",
+        }
+
+    def to_xarray(self) -> xr.Dataset:
+        """Codes, optics and sensor, labelled: `variables`."""
+        return self.variables()
+
+    def plot(self) -> Figure:
+        """What the camera shows; of one that does not say more the exact snapshot of a white scene."""
+        return self._picture()
+
+    def _picture(self) -> Figure:
+        from tmca.plots.thumbnails import row_figure
+
+        return row_figure(self._panels())
+
+    def _panels(self) -> list[Panel]:
+        """Small pictures of what it shows."""
+        from tmca.plots.thumbnails import Panel
+
+        with torch.no_grad():
+            white = self.A(torch.ones(1, *self.scene_shape)).mean((0, 1)).numpy(force=True)
+        return [Panel("a white scene", white, bar="snapshot units")]
+
+    def _plane_panels(self, codes: tuple[Tensor, Tensor]) -> list[Panel]:
+        """A part of what the aperture and the shutter show in the first slot."""
+        from tmca.plots.thumbnails import Panel
+
+        aperture, shutter = codes
+        planes = zip(self.plane_names, (aperture, shutter.reshape(-1, *shutter.shape[-2:])), strict=True)
+        shown = ((name, plane[0, :_CORNER, :_CORNER].numpy(force=True)) for name, plane in planes)
+        return [Panel(f"{name}, slot 1 of {self.slots}", values, low=None) for name, values in shown]
 
     @property
     def learnable(self) -> bool:
@@ -208,18 +246,73 @@ class Camera(FromArguments, nn.Module, ABC):
         value: T = self._cache[name][1]
         return value
 
-    def A(self, scene: Tensor, depth: Tensor | None = None) -> Tensor:
-        """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W')."""
+    def fitted(self, scene: Any) -> Any:
+        """A labelled scene (xarray) at the camera's bands or views, the middle of it in the camera's size.
+
+        Raises:
+            DataError, SettingError: a scene that is smaller, or of another kind.
+        """
+        return scene
+
+    def imaged(self, scene: Any, depth: Any = None) -> tuple[Tensor, Tensor | None]:
+        """A scene of any form, and its depth, as tensors of the camera's type and device, with a batch.
+
+        Args:
+            scene: a tensor, a NumPy array or what becomes one, (B, *scene_shape) or *scene_shape; or a labelled scene,
+                as `tmca.read` gives it, which is ``fitted``, with its depth if it has one.
+            depth: (B, 1, H, W) or (H, W), of the same forms.
+        """
+        if isinstance(scene, Tensor) and scene.ndim > len(self.scene_shape) and isinstance(depth, Tensor | None):
+            return scene, depth
+        from tmca.data.in_memory import as_tensors
+
+        tensor, *with_it = as_tensors(self.fitted(scene) if hasattr(scene, "dims") else scene)
+        tensor = tensor[None] if tensor.ndim == len(self.scene_shape) else tensor
+        if depth is not None:
+            with_it = [as_tensors(depth, "depth")[0]]
+        return self._alike(scene, tensor), self._alike(depth, with_it[0]) if with_it else None
+
+    def _alike(self, given: Any, tensor: Tensor) -> Tensor:
+        """A tensor as it was given, or on the camera's device and of its type."""
+        own = next((one for one in self.buffers() if one.is_floating_point()), tensor)
+        while tensor.ndim < 4:
+            tensor = tensor[None]
+        return tensor if isinstance(given, Tensor) else tensor.to(own.device, own.dtype)
+
+    def A(self, scene: Any, depth: Any = None) -> Tensor:
+        """Scene (B, *scene_shape), at depth (B, 1, H, W) if the camera images it → exact snapshot (B, C, H, W').
+
+        Both may be what ``imaged`` takes: tensors, NumPy arrays, labelled scenes.
+        """
+        scene, depth = self.imaged(scene, depth)
         check_shape("scene", scene, ("batch", *self.scene_shape), "give the camera its size, or crop it")
         return self.operator(depth).A(scene.flatten(1, -3))
 
-    def A_adjoint(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
-        """Snapshot (B, C, H, W') → scene, the transpose of ``A``."""
+    def A_adjoint(self, snapshot: Any, depth: Any = None) -> Tensor:
+        """Snapshot (B, C, H, W'), a tensor, an array or a `Snapshot` → scene, the transpose of ``A``."""
+        snapshot, depth = self._recorded(snapshot, depth)
+        remedy = "give the camera as many buckets and channels, or take those of this camera"
+        check_shape("snapshot", snapshot, ("batch", *self.snapshot_shape), remedy)
         return self.operator(depth).A_adjoint(snapshot).unflatten(1, self.scene_shape[:-2])
 
-    def A_dagger(self, snapshot: Tensor, depth: Tensor | None = None) -> Tensor:
+    def A_dagger(self, snapshot: Any, depth: Any = None) -> Tensor:
         """Snapshot → least-norm scene that explains it."""
+        snapshot, depth = self._recorded(snapshot, depth)
         return self.operator(depth).A_dagger(snapshot).unflatten(1, self.scene_shape[:-2])
+
+    def _recorded(self, snapshot: Any, depth: Any) -> tuple[Tensor, Tensor | None]:
+        """A snapshot of any form and the depth of its scene, as tensors of the camera's type and device."""
+        if isinstance(snapshot, Tensor) and snapshot.ndim == 4 and isinstance(depth, Tensor | None):
+            return snapshot, depth
+        from tmca.data.in_memory import as_tensors
+
+        tensors = (
+            None if one is None else self._alike(one, as_tensors(one, name)[0])
+            for one, name in ((snapshot, "snapshot"), (depth, "depth"))
+        )
+        first, second = tensors
+        assert first is not None
+        return first, second
 
     def exact(
         self, scene: Tensor, depth: Tensor | None = None, progress: Callable[[float], None] | None = None
@@ -229,8 +322,8 @@ class Camera(FromArguments, nn.Module, ABC):
 
     def forward(
         self,
-        scene: Tensor,
-        depth: Tensor | None = None,
+        scene: Any,
+        depth: Any = None,
         *,
         generator: torch.Generator | int | None = None,
         progress: Callable[[float], None] | None = None,
@@ -238,7 +331,8 @@ class Camera(FromArguments, nn.Module, ABC):
         """Take a snapshot: the exact one, then the sensor.
 
         Args:
-            scene: (B, *scene_shape) relative irradiance, or (B, K, *scene_shape) where it changes from slot to slot.
+            scene: (B, *scene_shape) relative irradiance, or (B, K, *scene_shape) where it changes from slot to slot;
+                tensors, NumPy arrays, or a labelled scene as `tmca.read` gives it, see ``imaged``.
             depth: (B, 1, H, W) metres where the camera images depth, (B, K, 1, H, W) beside a scene that changes.
             generator: source of the sensor's randomness, or a seed.
             progress: called with the share that is done, where that takes long.
@@ -246,7 +340,7 @@ class Camera(FromArguments, nn.Module, ABC):
         Returns:
             (B, C, H, W') snapshot.
         """
-        return self.record(self.exact(scene, depth, progress), generator)
+        return self.record(self.exact(*self.imaged(scene, depth), progress), generator)
 
     def _shared(self, parts: set[str]) -> dict[str, Any]:
         """Arguments that a camera with other parts takes over as they are now, not as they were given."""
@@ -261,140 +355,9 @@ class Camera(FromArguments, nn.Module, ABC):
         return super()._apply(keep_complex, recurse)
 
 
-class BandCamera(Camera):
-    """A camera of scenes (B, L, H, W) in L bands, given by their number or their ``wavelengths`` in metres."""
-
-    channel = "band"
-    from_scene = ("bands", "size")
-
-    def _hold_bands(self, bands: int | Sequence[float]) -> None:
-        self.wavelengths = band_wavelengths(bands)
-        self.bands = len(self.wavelengths)
-
-    @property
-    def scene_shape(self) -> tuple[int, int, int]:
-        """(L, H, W)."""
-        return (self.bands, *self.size)
-
-    @property
-    def channel_names(self) -> list[str]:
-        """Wavelengths of the bands."""
-        return [f"{w * 1e9:.0f} nm" for w in self.wavelengths]
-
-    def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
-        """The first scene as (wavelength, y, x)."""
-        import xarray as xr
-
-        attrs = {"quantity": unit, "units": "1", "long_name": name}
-        return xr.DataArray(
-            scenes[0].numpy(force=True), self._band_coordinates(), ("wavelength", "y", "x"), attrs=attrs
-        )
-
-    def _band_coordinates(self) -> dict[str, Any]:
-        metres = np.array(self.wavelengths)
-        return {
-            "wavelength": ("wavelength", metres, {"units": "m"}),
-            "wavelength_nm": ("wavelength", metres * 1e9, {"units": "nm"}),
-        }
-
-
-class CodedCamera(Camera):
-    """A camera of one code per channel of the scene (thesis eqs 12, 20), whose weights are the ``response``."""
-
-    response: Tensor
-    codes: MultiplexedCodes
-    drawn: ClassVar = {"transmittance": ("aperture",), "duty": ("shutter",), "seed": ("aperture", "shutter")}
-
-    def _hold_codes(
-        self, codes: Codes | nn.Module | None, aperture: tuple[int, int], shutter: tuple[int, int], /, **coding: Any
-    ) -> None:
-        for name in coding:
-            if name not in CODING:
-                expected = f"one of {', '.join(self._arguments())}"
-                raise SettingError(name, "an unknown name", expected, "leave it out")
-        self.codes = fitted_codes(codes, self.slots, aperture, shutter, self.buckets, **coding)  # type: ignore[assignment]
-        described = codes if isinstance(codes, nn.Module) else dataclasses.replace(codes or Codes(), **coding)
-        self._given = {n: part for n, part in self._given.items() if n not in CODING} | {"codes": described}
-
-    @classmethod
-    def _arguments(cls) -> tuple[str, ...]:
-        return *(name for name in super()._arguments() if name != "coding"), *CODING
-
-    def _described(self, parts: Mapping[str, Any]) -> dict[str, Any]:
-        coding = parts.get("codes", self._given["codes"])
-        planes = vars(coding) if isinstance(coding, Codes) else {"aperture": coding, "shutter": coding}
-        return {**planes, **super()._described(parts)}
-
-    def _shared(self, parts: set[str]) -> dict[str, Any]:
-        """Codes of a named family are drawn anew where their description or their size changes."""
-        coding = self._given["codes"]
-        if not isinstance(coding, nn.Module):
-            families = isinstance(coding.aperture, str) and isinstance(coding.shutter, str)
-            whole_frame = families and coding.period is None
-            if self.unbound or parts & {*CODING, "slots", *(("size",) if whole_frame else ())}:
-                return super()._shared(parts)
-        return {**super()._shared(parts), "codes": self.codes}
-
-    def _hold_response(self, values: Any, where: str, shape: tuple[int, ...]) -> None:
-        values = channel_weights(where, values, shape)
-        if isinstance(values, nn.Parameter) and values.ndim == 1:
-            self.response = values
-        else:
-            self.register_buffer("response", values.flatten())
-
-    def bucket_codes(self) -> tuple[Tensor, Tensor]:
-        """Aperture (K, H, Wa), and the shutters (R, K, H, W') of every bucket of the pixels."""
-        aperture, shutter = self.codes()
-        return aperture, bucket_shutters(shutter, self.slots, self.buckets)
-
-    @property
-    def channels(self) -> int:
-        """Number of bands or views of the scene."""
-        return len(self.response)
-
-    @property
-    def white(self) -> float:
-        """The summed response."""
-        return float(self.response.detach().sum())
-
-    @abstractmethod
-    def code_cube(self) -> Tensor:
-        """The time-multiplexed code T̂ of every channel; with several buckets that of each of them, (R, …)."""
-
-    def throughput(self) -> float:
-        """Mean of T̂ under equal exposure, summed over the buckets."""
-        with torch.no_grad():
-            return float(self.code_cube().mean()) * self.buckets / self.exposures
-
-    def _check_no_depth(self, depth: Tensor | None) -> None:
-        if depth is not None:
-            raise SettingError("depth", "a depth map", f"none for a {self.kind} camera")
-
-    def taps(self) -> Taps:
-        """The collapsed code with the response folded in; SettingError for optics that keep the slots apart."""
-        operator = self.operator()
-        if not isinstance(operator, TapOperator):
-            raise SettingError("relay_blur", "some", "none where one code stands for all slots")
-        return operator.taps
-
-    def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
-        """The operator of scenes (B, channels, height, width), dark around, behind a part of the codes."""
-        return TapOperator(self.taps().window(top, left, height, width))
-
-    def moving_window(self, top: int, left: int, height: int, width: int) -> LinearOperator:
-        """The operator of scenes (B, K, channels, height, width) that move, where the camera has it for a part."""
-        raise SettingError("motion", "some", f"none behind a part of a {self.kind} camera")
-
-    def _planes(self, tiled: bool, aperture: Axes, shutter: Axes) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Variables of both planes on these axes, and the attribute of their period."""
-        planes, period = self.codes(), getattr(getattr(self.codes, "aperture", None), "period", None)
-        if tiled and period is not None:
-            planes, aperture, shutter = (self.codes.aperture.tile(), self.codes.shutter.tile()), TILE, TILE
-        shown, shutter = by_bucket(planes[1], self.slots, shutter)
-        return code_variables((planes[0], shown), aperture, shutter), {"period": json.dumps(period)}
-
-    @classmethod
-    def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:
-        planes = tensors(dataset, where, "aperture", "shutter")
-        stated = attributes_of(CodedAttributes, dataset.attrs, where)
-        return {**planes, "slots": len(planes["aperture"]), "period": stated.period}
+def in_a_line(camera: Any) -> str:
+    """Kind, slots and bands of a camera in a few words."""
+    views = "" if camera.views is None else f", {sizes(camera.views)} views"
+    bands = f", {len(camera.wavelengths)} bands, {range_nm(camera.wavelengths)}" if camera.wavelengths else ""
+    buckets = f", {camera.buckets} buckets" if camera.buckets > 1 else ""
+    return f"{camera.kind}, {sizes(camera.size)} pixels{bands}{views}, K = {camera.slots}{buckets}"

@@ -13,7 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.cameras.camera import CAMERAS, Camera, CodedCamera
+from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.coded import CodedCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.codes import BURST, FAMILIES, bucket_shutters

@@ -7,7 +7,7 @@ from typing import TypeVar
 import torch
 from torch import Tensor, nn
 
-from tmca.cameras.camera import CodedCamera
+from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes, bucket_shutters
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import Taps

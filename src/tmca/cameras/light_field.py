@@ -13,7 +13,8 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Int, IntPair, Pair, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import CodedAttributes, CodedCamera
+from tmca.cameras.attributes import CodedAttributes
+from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
@@ -186,6 +187,12 @@ class LightFieldCamera(CodedCamera):
         """The operator of some slots, shutters (R, K, H, W) of every bucket."""
         how = (self.shear, self.vignetting, exposure)
         return of_buckets([coded_mask(aperture, shown, *how) for shown in shutters])
+
+    def fitted(self, scene: Any) -> Any:
+        """See ``Camera``; the views in the middle of the grid."""
+        from tmca.data.fitting import fit_views
+
+        return fit_views(scene, self.views, self.size)
 
     def label(self, scenes: Tensor, name: str = "", unit: str = "relative irradiance") -> xr.DataArray:
         """(view_v, view_u, y, x), with the three colours of a batch first."""

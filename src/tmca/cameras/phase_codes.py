@@ -12,7 +12,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from tmca.attributes import attributes_of
-from tmca.cameras.spectral_depth import SpectralDepthCamera, phase_settings
+from tmca.cameras.phase_settings import phase_settings
+from tmca.cameras.spectral_depth import SpectralDepthCamera
 from tmca.errors import DataError
 from tmca.optics import PhaseAttributes
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 from collections.abc import Collection
 from copy import deepcopy
@@ -17,12 +15,13 @@ from pydantic import InstanceOf, Json
 
 from tmca.arguments import checked, described
 from tmca.attributes import Attributes, FiniteJson, attributes_of
-from tmca.cameras.camera import CAMERAS, Camera
+from tmca.cameras.camera import CAMERAS, Camera, in_a_line
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors
 from tmca.devices import device_of, enough_memory
 from tmca.errors import DataError, SettingError, check_shape
 from tmca.plugins import load_plugins
+from tmca.summaries import Summary, as_numpy, sizes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 Kind = TypeVar("Kind", bound=Camera)
 _MEANING = {"units": "relative irradiance", "long_name": "snapshot, 1 = one channel of a white scene, everything open"}
-_WIDEST = 256
 _OF_EVERY_CAMERA = ("camera", "tmca_version")
 """Attributes of `Camera.variables` beside those that its model names."""
 _JSON, _SIMPLE = "json_notes", (str, int, float)
@@ -39,7 +37,7 @@ _JSON, _SIMPLE = "json_notes", (str, int, float)
 
 @checked
 @dataclass(repr=False, eq=False)
-class Snapshot(Generic[Kind]):
+class Snapshot(Summary, Generic[Kind]):
     """A capture and the camera that took it.
 
     Args:
@@ -141,27 +139,26 @@ class Snapshot(Generic[Kind]):
         title = f"{self.camera.kind}, K = {self.camera.slots}"
         return snapshot_figure(self.image(), self.camera.full_scale, self.camera.channel, title)
 
-    def __repr__(self) -> str:
-        camera, noise = self.camera, self.camera.noise
-        shape = "×".join(map(str, self.values.shape))
-        scene = "×".join(map(str, camera.scene_shape))
-        buckets = f", {camera.buckets} buckets" if camera.buckets > 1 else ""
-        return (
-            f"Snapshot({shape}, {camera.kind} camera of a {scene} scene, K = {camera.slots}{buckets}, "
-            f"read noise {noise.read:.4g}, shot noise {noise.shot:.4g})"
-        )
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        """The values (B, C, H, W') for NumPy."""
+        return as_numpy(self.values, dtype, copy)
 
-    def _repr_html_(self) -> str:
-        from PIL import Image
+    def _facts(self) -> dict[str, str]:
+        noise, notes = self.camera.noise, self.notes
+        noisy = [f"{name} {value:.3g}" for name, value in (("read", noise.read), ("shot", noise.shot)) if value]
+        return {
+            "camera": in_a_line(self.camera),
+            "values": f"{sizes(self.values.shape)}, full scale {self.camera.full_scale:.4g}",
+            "noise": " and ".join(noisy) or "none",
+            "scene": str(notes.get("scene", "")),
+        }
 
-        values = self.values.mean((0, 1))
-        step = max(1, -(-max(values.shape) // _WIDEST))
-        grey = (values[::step, ::step] / values.max().clamp_min(1e-12)).clamp(0, 1).mul(255)
-        with io.BytesIO() as file:
-            Image.fromarray(grey.to(torch.uint8).numpy(force=True)).save(file, "PNG")
-            picture = base64.b64encode(file.getvalue()).decode()
-        text = repr(self).replace("<", "&lt;")
-        return f'<figure><img src="data:image/png;base64,{picture}"/><figcaption>{text}</figcaption></figure>'
+    def _picture(self) -> Figure:
+        from tmca.plots.thumbnails import Panel, row_figure
+
+        image = self.image()
+        shown = image if image.ndim == 2 else np.concatenate([*image], -1)
+        return row_figure([Panel("snapshot", shown, bar="snapshot units"), *self.camera._panels()])
 
 
 def _stored_notes(notes: dict[str, Any]) -> dict[str, Any]:

@@ -14,7 +14,8 @@ from torch.nn.functional import pad
 
 from tmca.arguments import Count, Float, Floats, Int, IntPair, Size, checked, described
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CodedAttributes, CodedCamera
+from tmca.cameras.attributes import CodedAttributes
+from tmca.cameras.coded import BandCamera, CodedCamera
 from tmca.codes import Codes, check_shares
 from tmca.codes.arrays import Array
 from tmca.codes.files import tensors

@@ -12,7 +12,9 @@ from torch import Tensor, nn
 
 from tmca.arguments import Count, Float, Floats, Int, Names, Pair, Seed, Size, checked
 from tmca.attributes import attributes_of
-from tmca.cameras.camera import BandCamera, CameraAttributes
+from tmca.cameras.attributes import CameraAttributes
+from tmca.cameras.coded import BandCamera
+from tmca.cameras.phase_settings import FAMILIES, phase_settings
 from tmca.cameras.sensor_tiles import exposed_in_tiles
 from tmca.codes import shutter_plane
 from tmca.codes.arrays import Array
@@ -28,16 +30,17 @@ from tmca.optics import (
     PhaseMaskBench,
     PointSpread,
     Stroke,
-    check_stated,
     family_parameters,
     mask_maps,
-    restored_maps,
 )
 from tmca.sensor import ColourCodedAperture, channel_response
 from tmca.specs import SpectralDepthSpec
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tmca.plots.thumbnails import Panel
 
 IMAGE_FORMATIONS = ("linear", "occlusion")
 LEARNABLE = ("mask", "shutter", "filters")
@@ -318,6 +321,25 @@ class SpectralDepthCamera(BandCamera):
         """
         return exposed_in_tiles(self, scene, _required(depth), progress)
 
+    def fitted(self, scene: Any) -> Any:
+        """See ``Camera``; depth beyond the camera's range is mapped onto it."""
+        from tmca.data.fitting import fit_depth_scene
+
+        return fit_depth_scene(scene, self.wavelengths, self.size, self.planes.near, self.planes.far)
+
+    def _panels(self) -> list[Panel]:
+        return self._plane_panels(self.codes())
+
+    def plot(self) -> Figure:
+        """Heights and shutter of every slot, filters over the pixels of a tile, and what filters and sensor pass."""
+        from tmca.plots.codes import phase_codes_figure
+
+        with torch.no_grad():
+            shown = bucket_shutters(self.shutter(), self.slots, self.buckets)
+            parts = (self.codes.optics.heights(), shown, self.filters.cells(), self.filters.filters, self.response)
+            heights, shutter, cells, filters, response = (part.numpy(force=True) for part in parts)
+        return phase_codes_figure(heights, shutter, cells, filters, response, self.wavelengths)
+
     def snapshot_axes(self, snapshots: Tensor) -> tuple[str, ...]:
         return (*super().snapshot_axes(snapshots)[:-2], "channel", "y", "x")
 
@@ -345,7 +367,7 @@ class SpectralDepthCamera(BandCamera):
         if tiled:
             self.tile()  # refuses patterns that do not repeat
             for name, values in family_parameters(heights).items():
-                parts[name] = (_FAMILIES[name][0], values.numpy(force=True), _FAMILIES[name][1])
+                parts[name] = (FAMILIES[name][0], values.numpy(force=True), FAMILIES[name][1])
             optics |= {} if heights.stroke is None else {"stroke": json.dumps(asdict(heights.stroke))}
         return parts, self._band_coordinates(), optics
 
@@ -362,33 +384,6 @@ class SpectralDepthCamera(BandCamera):
             "channels": parts["response"],
             "image_formation": stated.image_formation,
         }
-
-
-_FAMILIES = {
-    "coefficients": (("slot", "mode"), {"units": "m", "long_name": "rms of Zernike modes over the aperture"}),
-    "noll": (("mode",), {"long_name": "Noll index of the mode"}),
-    "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
-}
-"""Variables of masks that are not free-form."""
-
-
-def phase_settings(dataset: xr.Dataset, where: str, stated: PhaseAttributes) -> dict[str, Any]:
-    """Arguments of a camera that show masks (as ``HeightMaps`` of their family) and shutter of a file at any bands."""
-    family = [name for name in _FAMILIES if name in dataset]
-    parts = tensors(dataset, where, "heights", "shutter", "cells", *family)
-    check_stated(stated, parts["heights"].shape, dataset.sizes.get("wavelength", 1), where)
-    return {
-        **({} if stated.stroke is None else {"stroke": stated.stroke}),
-        "bench": stated.bench,
-        "depth": (stated.depth.near, stated.depth.far),
-        "planes": stated.depth.count,
-        "slots": len(parts["heights"]),
-        "mask": restored_maps(parts["heights"], parts, stated.stroke),
-        "shutter": parts["shutter"],
-        "cells": parts["cells"].long(),
-        "period": len(parts["cells"]),
-        "energy": stated.energy,
-    }
 
 
 def _required(depth: Tensor | None) -> Tensor:

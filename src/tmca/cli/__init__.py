@@ -27,12 +27,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the ``tmca`` command; wrong input gives one line on standard error and exit code 2."""
     if (os.cpu_count() or 1) <= _FEW_CORES:
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-    from tmca.cli.app import app
+    from tmca.cli.app import GUIDE, app
 
     warnings.showwarning = _lines_once()
     if threading.current_thread() is threading.main_thread():
         _stop_when_asked()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    if not tokens:
+        print(GUIDE, end="")
+        return
     try:
         if _asks_for_help(tokens):
             from tmca.cli.help import print_help

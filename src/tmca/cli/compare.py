@@ -45,14 +45,14 @@ def spectral(
         bands: bands, nearest to even spacing from 400 to 700 nm.
         decoders: which of those that `tmca decoders` lists for the camera, and of the trained unet-thesis (from Φᵀy),
             unet (from the LMMSE), unrolled, unrolled-mixture; separated by commas. unet-thesis and unrolled learn codes
-            too.
+            too. Your own are FILE.py:Class, or FILE.pt2 of `tmca decoder export`.
         validation: split file of the scenes that choose a network's best step.
         seed: of codes, noise and trainings.
         seeds: how many codes and trainings, from --seed on (ADMM-TV: one).
         steps: optimiser steps of the unrolled network with fixed codes; others take as many minutes.
     """
     _run("spectral", out, work, grid, scenes=_scenes(train, test, validation), reading={"bands": bands},
-         decoders=decoders.split(","), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
+         decoders=_named(decoders), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 
 
 @app.command
@@ -95,7 +95,7 @@ def light_field(
     """
     asked = {**reading.model_dump(), "frame": size(frame, "--frame")}
     _run("light-field", out, work, grid, scenes=_scenes(train, test), reading=asked,
-         settings={"period": [period, period]}, decoders=decoders.split(","), priors={"dictionary": {"atoms": atoms}},
+         settings={"period": [period, period]}, decoders=_named(decoders), priors={"dictionary": {"atoms": atoms}},
          seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
 
 
@@ -130,7 +130,14 @@ def spectral_depth(
         steps: optimiser steps of a training.
     """
     _run("spectral-depth", out, work, grid, scenes=_scenes(train, test), reading=depth.reading(),
-         decoders=decoders.split(","), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
+         decoders=_named(decoders), seed=seed, seeds=seeds, train__steps=steps)  # fmt: skip
+
+
+def _named(decoders: str) -> list[str]:
+    """Names of decoders, those of files loaded."""
+    from tmca.lab.decoder_files import decoders_named
+
+    return decoders_named(decoders)
 
 
 def _scenes(train: Path | list[str], test: Path | list[str], validation: Path | None = None) -> dict[str, list[str]]:

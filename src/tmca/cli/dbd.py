@@ -40,6 +40,7 @@ def simulate(
     late_samples: Whole = 0,
     separation: str | None = None,
     known_waveforms: bool = False,
+    known: str | None = None,
     model_only: bool = False,
     overwrite: Overwrite = False,
 ) -> None:
@@ -65,6 +66,7 @@ def simulate(
         late_samples: lag beyond the cyclic prefix, in samples.
         separation: of two points in at least one coordinate: one number, or DELAY,DOPPLER[,ANGLE].
         known_waveforms: every signal is known up to a factor.
+        known: whose signal is known up to a factor: radar, communications or both; the other's stays unknown.
         model_only: of a scenario: samples of the model instead of a simulation in the time domain.
     """
     from tmca.data import check_target
@@ -82,7 +84,7 @@ def simulate(
             frequencies, pulses, subspace, *counts, messages, seed or 0, snr,
             basis=basis, antennas=antennas, symbol_ratio=_ratio(symbol_ratio), lag=lag, late_samples=late_samples,
             separation=None if separation is None else numbers(separation, "--separation"),
-            known_waveforms=known_waveforms,
+            known_waveforms=known_waveforms, known=known,
         )  # fmt: skip
     save_problem(problem, out, overwrite=overwrite)
     _tell(problem, out)
@@ -103,6 +105,9 @@ def solve(
     unknown_noise: bool = False,
     certify: On = True,
     figure: Path | None = None,
+    axes: str = "auto",
+    csv: Path | None = None,
+    waveform: list[str] | None = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -123,21 +128,36 @@ def solve(
         sigma: standard deviation of the noise, in place of the file's.
         unknown_noise: estimate the noise, whatever the file says.
         certify: look for a dual certificate of a noiseless recovery.
-        figure: picture of the delay-Doppler planes (PNG, PDF, SVG); the name of the recovery with .png without it.
+        figure: picture of the delay-Doppler planes (PNG, SVG, or PDF of the width of a column of a paper); the name
+            of the recovery with .png without it.
+        axes: of the picture: range (m and m/s), time (µs and kHz), normalised, or auto, the first that the file allows.
+        waveform: basis of a source from a waveform in time, instead of the file's; may be repeated.
+            NAME=KIND:SETTING=VALUE,… such as radar=chirp:bandwidth=8e6,duration=1e-6 or
+            communications=ofdm:subcarriers=13,unknowns=3 or radar=samples:file=pulse.sigmf-meta;
+            or a YAML file of such. FILE has to have delay_s and doppler_hz.
+        csv: table of targets and paths with standard deviations, comma-separated.
     """
     from dataclasses import replace
 
+    from tmca.data import write_text
     from tmca.dbd import solve as solved
     from tmca.dbd.files import load_problem, save_recovery
-    from tmca.dbd.tables import planes, recovery_lines, recovery_values
+    from tmca.dbd.paths import path_csv
+    from tmca.dbd.planes import check_axes, planes
+    from tmca.dbd.tables import recovery_lines, recovery_values
+    from tmca.dbd.waveforms import read_waveforms
     from tmca.plots import save_figure
     from tmca.plots.dbd import Plane, planes_figure
 
-    problem = load_problem(file)
+    waveforms: dict[str, Any] = {}
+    for one in waveform or ():
+        waveforms |= read_waveforms(one)
+    problem = load_problem(file, waveforms)
     out = out or file.with_suffix(".recovery.nc")
     figure = figure or out.with_suffix(".png")
     check_figure(figure, overwrite, file)
-    check_targets([out], overwrite, file)
+    check_targets([out, *([csv] if csv else [])], overwrite, file)
+    check_axes(axes, problem.units)
     if sigma is not None and unknown_noise:
         raise SettingError("--sigma", "--unknown-noise as well", "one of them")
     if sigma is not None or unknown_noise:
@@ -149,9 +169,13 @@ def solve(
             progress=progress,
         )  # fmt: skip
     save_recovery(recovery, out, overwrite=overwrite)
-    drawn = planes_figure([Plane(**plane) for plane in planes(recovery)])
+    line = f"{recovery.unexplained:.2%} of the samples' energy is unexplained"
+    drawn = planes_figure([Plane(**plane) for plane in planes(recovery, axes)], line, figure.suffix.lower() == ".pdf")
     save_figure(drawn, figure, overwrite=overwrite)
-    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {out} and {figure}")
+    if csv:
+        write_text(path_csv(recovery), csv, overwrite=overwrite)
+    written = ", ".join(str(one) for one in (out, csv) if one)
+    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {written} and {figure}")
 
 
 @app.command

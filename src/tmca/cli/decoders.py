@@ -8,17 +8,26 @@ from typing import Any
 
 
 def table(plugins: bool = True) -> list[dict[str, Any]]:
-    """A row for every decoder: name, label, cameras, prior, uncertainty, settings; those of this package alone without
-    ``plugins``."""
+    """A row for every decoder: name, label, cameras, prior, uncertainty, settings; those of this package alone, and its
+    cameras, without ``plugins``."""
+    from tmca.cameras import CAMERAS, load_cameras
     from tmca.decoders import decoders, settings_of
+    from tmca.decoders.registry import decodes
 
+    if plugins:
+        load_cameras()
+    known = decoders()
+    cameras = {
+        name: {*cls.cameras, *(kind for kind in CAMERAS if plugins and decodes(cls, kind))}
+        for name, cls in known.items()
+    }
     return [
         {
-            "name": name, "label": cls.label, "cameras": sorted(cls.cameras), "prior": cls.prior_kind,
+            "name": name, "label": cls.label, "cameras": sorted(cameras[name]), "prior": cls.prior_kind,
             "uncertainty": cls.deviation, "moving": cls.moving,
             "settings": [asdict(one) for one in settings_of(cls)],
         }
-        for name, cls in sorted(decoders().items())
+        for name, cls in sorted(known.items())
         if plugins or cls.__module__.startswith("tmca.")
     ]  # fmt: skip
 

@@ -15,6 +15,7 @@ def demo(
     *,
     out: Path = Path("tmca-demo"),
     size: str = "192x256",
+    jobs: int = 2,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
@@ -23,6 +24,7 @@ def demo(
     Args:
         out: folder for snapshots, reconstructions, pictures and report.html.
         size: HEIGHTxWIDTH of the scenes.
+        jobs: scenes that are computed side by side.
     """
     if out.exists() and not out.is_dir():
         raise OutputError(out, "a file", "a folder or a new name", "choose another --out")
@@ -34,7 +36,7 @@ def demo(
     from tmca.evaluation.tables import markdown_table
 
     with progress_bar("demo") as progress:
-        results = run_demo(out, size=wanted, overwrite=overwrite, progress=progress)
+        results = run_demo(out, size=wanted, overwrite=overwrite, progress=progress, jobs=jobs)
     tables = (
         f"A {kind} camera:\n\n" + markdown_table(results[application.demo.key], demo_columns(kind))
         for kind, application in APPLICATIONS.items() if application.demo is not None

@@ -147,10 +147,10 @@ def spectral_depth(
 
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
-    from tmca.design import SURVEY
+    from tmca.design import QUICK
     from tmca.reports.codes import COLUMNS
 
-    how |= {**search.model_dump(exclude={"quick"}), "effort": SURVEY if search.quick else None}
+    how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:
         _, report = design(progress=progress, **how)
     _told(report, [*report["designs"], *report["surveyed"]], COLUMNS, run)

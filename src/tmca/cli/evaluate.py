@@ -1,9 +1,10 @@
-"""``tmca evaluate``: an estimate beside the truth."""
+"""``tmca evaluate``: estimates beside the truth."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App
 
@@ -11,6 +12,11 @@ from tmca.cli.cameras import READING
 from tmca.cli.options.output import Json, Overwrite, assumed, check_figure, meaning, say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tmca.applications.imaging import Evaluation
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthReading()
@@ -21,7 +27,7 @@ def evaluate(
     estimate: Path,
     truth: str,
     /,
-    *,
+    *more: str,
     reading: Annotated[TruthReading, READING] = _SCENE,
     frames: int | None = None,
     figure: Path | None = None,
@@ -30,6 +36,7 @@ def evaluate(
 ) -> None:
     """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
 
+    Several estimates stand before the truth, and make one table: `tmca evaluate a.nc b.nc coffee`.
     Of a light field PSNR, SSIM and, where the true disparity is known, the error of the disparity that the views show.
     Of spectrum and depth also MAE, RMSE and share within a bin of the depth where it is known.
 
@@ -37,23 +44,74 @@ def evaluate(
         estimate: a cube, light-field or spectral-depth file, such as one written by `tmca reconstruct`.
         truth: a file, a folder of views, or the name of a rendered scene; a larger truth is cropped to its middle, a
             light field or scene with depth read as it was for the snapshot.
+        more: where there are several estimates, all of them stand first and the truth stands last.
         frames: of equal length within the exposure, with each of which a still estimate of a scene that moved is
             compared; the middle of the exposure without it.
-        figure: write a picture of both with error map and spectra (PNG).
+        figure: write a picture of all with error maps and spectra (PNG).
     """
     from tmca.applications.imaging import application_for, evaluation_of
     from tmca.plots.style import save_figure
 
-    check_figure(figure, overwrite, estimate)
-    if figure is not None and estimate.resolve() == figure.resolve():
-        raise SettingError("figure", str(figure), "another file than the estimate")
-    application = application_for(estimate)
-    evaluation = evaluation_of(estimate, truth, application, frames=frames, **reading.of(application.kind))
-    assumed(evaluation.truth)
-    metrics = evaluation.metrics | evaluation.application.geometry(evaluation.estimate, evaluation.truth)
+    named = [str(estimate), truth, *more]
+    files, source = named[:-1], named[-1]
+    for file in files:
+        check_figure(figure, overwrite, file)
+        if figure is not None and Path(file).resolve() == figure.resolve():
+            raise SettingError("figure", str(figure), "another file than the estimate")
+    found: dict[str, Evaluation] = {}
+    metrics: dict[str, dict[str, float]] = {}
+    for file in files:
+        application = application_for(file)
+        one = evaluation_of(file, source, application, frames=frames, **reading.of(application.kind))
+        assumed(one.truth)
+        found[file], metrics[file] = one, one.metrics | one.application.geometry(one.estimate, one.truth)
     if figure is not None:
-        save_figure(evaluation.figure(estimate.stem), figure, overwrite=overwrite)
-    say(metrics, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in metrics.items()))
+        drawn = found[files[0]].figure(estimate.stem) if len(files) == 1 else _together(found)
+        save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
+    if len(files) == 1:
+        own = metrics[files[0]]
+        say(own, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()))
+        return
+    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics))
+
+
+def _table(metrics: dict[str, dict[str, float]]) -> str:
+    """A row for every estimate, and below it what the columns are."""
+    from tmca.evaluation.tables import Column, markdown_table
+
+    names = list(dict.fromkeys(name for own in metrics.values() for name in own))
+    columns: list[Column] = [("estimate", "estimate", ""), *((name, name, ".4f") for name in names)]
+    rows = [{"estimate": file, **own} for file, own in metrics.items()]
+    return "\n".join([markdown_table(rows, columns), *(f"{name}: {meaning(name)[1:-1]}" for name in names)])
+
+
+def _together(found: dict[str, Evaluation]) -> Figure:
+    """All estimates beside the truth of the first.
+
+    Raises:
+        SettingError: estimates of several shapes.
+    """
+    from tmca.plots.side_by_side import side_by_side
+
+    shapes = {file: _shape(one) for file, one in found.items()}
+    if len({*shapes.values()}) > 1:
+        said = ", ".join(f"{Path(file).name} {shape}" for file, shape in shapes.items())
+        raise SettingError("figure", f"estimates of several shapes: {said}", "one", "leave the figure out")
+    names = _short([*found])
+    return side_by_side(
+        {(names[file], ""): one.estimate for file, one in found.items()}, next(iter(found.values())).truth
+    )
+
+
+def _shape(one: Evaluation) -> tuple[int, ...]:
+    values = one.estimate["radiance" if "radiance" in one.estimate else "estimate"]
+    return tuple(int(side) for side in values.shape)
+
+
+def _short(files: Sequence[str]) -> dict[str, str]:
+    """Stems, or names where two would be the same."""
+    stems = [Path(file).stem for file in files]
+    return {file: stem if stems.count(stem) == 1 else file for file, stem in zip(files, stems, strict=True)}
 
 
 for _camera in CAMERA_SPECS:

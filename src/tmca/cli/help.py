@@ -65,7 +65,7 @@ class Page:
     def _print(self, console: Console, panel: HelpPanel, first: int) -> None:
         count = len(panel.entries) if panel.format == "command" else first
         shown, others = panel.entries[:count], panel.entries[count:]
-        names = Text(", ".join(entry.positive_names[0] for entry in others))
+        names = Text(", ".join(entry.positive_names[0] for entry in others if entry.positive_names))
         if not shown:
             console.print(Text(f"{panel.title}: ").append(names))
             return

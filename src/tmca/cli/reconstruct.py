@@ -1,17 +1,21 @@
-"""``tmca reconstruct``: a snapshot file goes in, the scene comes out."""
+"""``tmca reconstruct``: snapshot files go in, scenes come out, of several snapshots or decoders side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole, On
-from tmca.cli.options.output import OutputOptions, check_targets, meaning, say
+from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
 from tmca.cli.progress import progress_bar
-from tmca.errors import SettingError
+from tmca.errors import OutputError, SettingError, TmcaError
 from tmca.specs import CAMERA_SPECS, TruthReading
 
 if TYPE_CHECKING:
@@ -25,7 +29,7 @@ _OUTPUT, _READING = OutputOptions(), TruthReading()
 def reconstruct(
     snapshot: Path,
     /,
-    *,
+    *others: Path,
     decoder: Annotated[str | None, Parameter(alias="-d")] = None,
     truth: str | None = None,
     weights: str | None = None,
@@ -43,13 +47,18 @@ def reconstruct(
 ) -> None:
     """Recover the scene from SNAPSHOT, a file written by `tmca simulate`.
 
+    With several snapshots, or several decoders separated by commas, every estimate is written to a file of its own, and
+    comparison.png shows them side by side.
+
     Args:
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
+        others: more of them.
         decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
             dagger, network, …; space-time-lmmse for scenes that move; of a spectral snapshot also lmmse-adapted (its
             prior refitted to the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a
             spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch prior;
-            or network.
+            or network. Your own is FILE.py:Class, or FILE.pt2 of `tmca decoder export`. Several are separated by
+            commas.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
         weights: of a network: a file or run of `tmca train`; or one that comes with tmca for spectral snapshots:
@@ -69,40 +78,242 @@ def reconstruct(
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
             none, read by the next command.
     """
-    from tmca.applications import application_of, evaluate
-    from tmca.applications.imaging import metric_notes
-    from tmca.applications.pictures import estimate_files, estimate_pictures
-    from tmca.data.in_memory import warn_of_estimate
-    from tmca.data.scene_names import compare_scene
-    from tmca.decoders import decode, decoders_for
-    from tmca.lab.calibration.apply import load_snapshot
+    from tmca.lab.decoder_files import decoders_named
 
-    taken = load_snapshot(snapshot, calibration)
-    camera, application = taken.camera, application_of(taken.camera)
-    decoder = decoder or ("network" if weights else "dictionary" if dictionary else application.default_decoder)
-    target = output.out or Path(f"{snapshot.stem.removesuffix('_snapshot')}_{decoder}.nc")
-    available = decoders_for(camera.kind, moving=None)
-    cls = available.get(decoder)
+    names: list[str | None] = [*decoders_named(decoder, "decoder")] if decoder else [None]
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
-    settings = _given(cls, how) | _settings(cls, set_ or [])
-    if dictionary is not None:
-        _check_dictionary(dictionary, decoder, camera.kind, available)
-        prior = dictionary
-    asked, moving = reading.of(application.kind), cls is not None and cls.moving
-    check_targets(estimate_files(target, camera.kind, output.figures, moving), output.overwrite, snapshot)
-    if truth is not None:
+    asked = _Asked(how, set_ or [], truth, prior, calibration, dictionary, device, bank, reading, output)
+    several = len(names) > 1
+    jobs = [_Job.of(file, name, asked, several) for file in (snapshot, *others) for name in names]
+    if several:
+        _check_taken(jobs, asked)
+    if len(jobs) == 1:
+        done = jobs[0].run(output.out or jobs[0].target)
+        say(done.report, output.json, *done.lines())
+        return
+    _run_all(jobs, asked)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What is asked of all reconstructions."""
+
+    how: dict[str, Any]
+    texts: list[str]
+    truth: str | None
+    prior: Path | None
+    calibration: Path | None
+    dictionary: Path | None
+    device: str | None
+    bank: Path | None
+    reading: TruthReading
+    output: OutputOptions
+
+
+@dataclass(frozen=True)
+class _Done:
+    """An estimate as it is labelled, its truth, and what is told of it."""
+
+    estimate: Any
+    scene: Any
+    report: dict[str, Any]
+
+    def lines(self) -> list[str]:
+        """For people."""
+        told = self.report
+        figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in told["metrics"].items())
+        return [f"{told['estimate']}: {told['decoder']}, {self.estimate.attrs['seconds']:.1f} s", *figures]
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A snapshot and a decoder of it, checked before any work is done.
+
+    Args:
+        file: the snapshot's.
+        taken: what is in it.
+        decoder: name.
+        cls: class of the decoder; None of an unknown one.
+        settings: of the decoder.
+        asked: of all.
+        several: whether there are several decoders.
+    """
+
+    file: Path
+    taken: Any
+    decoder: str
+    cls: type[Decoder] | None
+    settings: dict[str, Any]
+    asked: _Asked
+    several: bool
+
+    @classmethod
+    def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
+        """One whose decoder may be the usual one of the snapshot's camera; where there are several decoders, each
+        takes of the settings those that it has."""
+        from tmca.applications import application_of
+        from tmca.decoders import decoders_for
+        from tmca.lab.calibration.apply import load_snapshot
+
+        taken = load_snapshot(file, asked.calibration)
+        kind, usual = taken.camera.kind, "dictionary" if asked.dictionary else None
+        decoder = name or ("network" if asked.how["weights"] else usual or application_of(kind).default_decoder)
+        available = decoders_for(kind, moving=None)
+        chosen = available.get(decoder)
+        if asked.dictionary is not None:
+            _check_dictionary(asked.dictionary, decoder, kind, available)
+        how, texts = _given(chosen, asked.how), asked.texts
+        if several and chosen is not None:
+            how = {name: value for name, value in how.items() if name in _known(chosen)}
+            texts = [text for text in texts if text.partition("=")[0].strip() in _known(chosen)]
+        return cls(file, taken, decoder, chosen, how | _settings(chosen, texts), asked, several)
+
+    @property
+    def target(self) -> Path:
+        """File of the estimate where none is asked for."""
+        return Path(f"{self.file.stem.removesuffix('_snapshot')}_{self.decoder}.nc")
+
+    def files(self, target: Path) -> list[Path]:
+        """All that is written."""
+        from tmca.applications.pictures import estimate_files
+
+        moving = self.cls is not None and self.cls.moving
+        return estimate_files(target, self.taken.camera.kind, self.asked.output.figures, moving)
+
+    def run(self, target: Path) -> _Done:
+        """Decode, measure, write."""
+        from tmca.applications import evaluate
+        from tmca.applications.imaging import metric_notes
+        from tmca.applications.pictures import estimate_pictures
+        from tmca.data.in_memory import warn_of_estimate
+        from tmca.decoders import decode
+
+        asked, output = self.asked, self.asked.output
+        check_targets(self.files(target), output.overwrite, self.file)
+        scene, prior = self._scene(), asked.dictionary or asked.prior
+        if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
+            prior = None
+        with progress_bar(f"{self.decoder}: {self.file.name}") as progress, _failures_of(self.cls):
+            how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
+            estimate = decode(self.taken, self.decoder, **how, **self.settings)
+        metrics = {} if scene is None else evaluate(estimate, scene)
+        if scene is None:
+            warn_of_estimate(estimate.values.numpy(force=True), "estimate")
+        estimate.notes |= metric_notes(metrics)
+        written = [estimate.save(target, overwrite=output.overwrite)]
+        if output.figures:
+            written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite)
+        report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
+                  "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
+        return _Done(estimate.to_xarray(), scene, report)
+
+    def _scene(self) -> Any:
+        """The truth, brought to the camera; None where none is given."""
+        from tmca.applications import application_of
+        from tmca.data.scene_names import compare_scene
+
+        truth, taken = self.asked.truth, self.taken
+        application = application_of(taken.camera)
+        how = self.asked.reading.of(application.kind)
+        if truth is None:
+            return None
         compare_scene(taken.notes, truth)
-    scene = None if truth is None else application.truth(truth, camera, taken.notes, len(taken.values) > 1, **asked)
-    with progress_bar(f"{decoder}: {snapshot.name}") as progress:
-        estimate = decode(taken, decoder, prior=prior, progress=progress, device=device, bank=bank, **settings)
-    metrics = {} if scene is None else evaluate(estimate, scene)
-    if scene is None:
-        warn_of_estimate(estimate.values.numpy(force=True), "estimate")
-    estimate.notes |= metric_notes(metrics)
-    written = [estimate.save(target, overwrite=output.overwrite)]
-    if output.figures:
-        written += estimate_pictures(estimate, target, truth=scene, snapshot=taken, overwrite=output.overwrite)
-    _tell(estimate, metrics, target, written, output)
+        return application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
+
+
+@contextmanager
+def _failures_of(cls: type[Decoder] | None) -> Iterator[None]:
+    """Within it, what a decoder of a file of one's own raises is one line that says where."""
+    from tmca.lab.decoder_files import file_of
+
+    own = None if cls is None else file_of(cls)
+    try:
+        yield
+    except TmcaError:
+        raise
+    except Exception as error:
+        if cls is None or own is None:
+            raise
+        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(own)]
+        at = f" (line {lines[-1]})" if lines else ""
+        found = f"{cls.name} of {own}, which fails with {type(error).__name__}: {error}{at}"
+        raise SettingError("decoder", found, "an estimate", "mend it") from error
+
+
+def _run_all(jobs: Sequence[_Job], asked: _Asked) -> None:
+    """Reconstructions one after the other, and all of them in one picture; what fails is told, and the others go on."""
+    output, folder = asked.output, _folder(asked.output.out)
+    targets = [folder / job.target for job in jobs]
+    for target in targets:
+        if targets.count(target) > 1:
+            raise SettingError("snapshot", f"several for {target}", "snapshots of different names", "rename one")
+    picture = folder / "comparison.png"
+    written = [file for job, target in zip(jobs, targets, strict=True) for file in job.files(target)]
+    check_targets([*written, *([picture] if output.figures else [])], output.overwrite)
+    done, failed = dict[tuple[str, str], _Done](), list[str]()
+    for job, target in zip(jobs, targets, strict=True):
+        try:
+            done[job.file.stem.removesuffix("_snapshot"), job.decoder] = job.run(target)
+        except TmcaError as error:
+            failed.append(f"{job.file.name} by {job.decoder}")
+            warned(f"{failed[-1]}: {error}")
+    reports, lines = [one.report for one in done.values()], [line for one in done.values() for line in one.lines()]
+    if output.figures and len(done) > 1:
+        lines += _compared(done, picture, output.overwrite)
+    say(reports, output.json, *lines)
+    if failed:
+        found = f"{len(failed)} of {len(jobs)} that failed ({', '.join(failed)})"
+        raise SettingError("reconstruct", found, "estimates of all", "the others are written")
+
+
+def _folder(out: Path | None) -> Path:
+    """Where several estimates go: a folder, made if it is not there."""
+    from tmca.data import make_folder
+
+    if out is None:
+        return Path()
+    if out.suffix:
+        raise OutputError(out, "one file for several estimates", "a folder")
+    make_folder(out)
+    return out
+
+
+def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool) -> list[str]:
+    """Draw all estimates side by side where they are of one shape; what is said of it."""
+    from tmca.plots.side_by_side import side_by_side
+    from tmca.plots.style import save_figure
+
+    shapes = {str({name: values.shape for name, values in one.estimate.data_vars.items() if name != "deviation"})
+              for one in done.values()}  # fmt: skip
+    if len(shapes) > 1:
+        return ["no comparison.png: the estimates differ in shape"]
+    snapshots = dict.fromkeys(name for name, _ in done)
+    decoders = dict.fromkeys(name for _, name in done)
+    names = {
+        (snapshot, decoder): (decoder, "") if len(snapshots) == 1 else (snapshot, decoder if len(decoders) > 1 else "")
+        for snapshot, decoder in done
+    }
+    scene = next(iter(done.values())).scene
+    figure = side_by_side({names[key]: one.estimate for key, one in done.items()}, scene)
+    return [f"{save_figure(figure, picture, overwrite=overwrite, dpi=200)}: all side by side"]
+
+
+def _known(decoder: type[Decoder]) -> set[str]:
+    """Names of the settings of a decoder."""
+    from tmca.arguments import settings_of
+
+    return {setting.name for setting in settings_of(decoder)}
+
+
+def _check_taken(jobs: Sequence[_Job], asked: _Asked) -> None:
+    """Raises SettingError for a setting that none of several decoders has."""
+    known = {name for job in jobs if job.cls is not None for name in _known(job.cls)}
+    named = [text.partition("=")[0].strip() for text in asked.texts]
+    named += [name for name, value in asked.how.items() if value is not None and name != "uncertainty"]
+    for name in named:
+        if name not in known:
+            used = ", ".join(dict.fromkeys(job.decoder for job in jobs))
+            raise SettingError(name, f"a setting of none of {used}", "one of theirs", "leave it out")
 
 
 def _given(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
@@ -128,18 +339,6 @@ def _settings(decoder: type[Decoder] | None, texts: list[str]) -> dict[str, Any]
             raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
     named = {name.strip(): value.strip() for name, _, value in pairs}
     return dict(named) if decoder is None else checked_settings(decoder, named, texts=True)
-
-
-def _tell(result: Any, metrics: dict[str, float], target: Path, written: list[Path], output: OutputOptions) -> None:
-    report: dict[str, Any] = {
-        "estimate": str(target),
-        "decoder": result.decoder,
-        "seconds": round(result.seconds, 2),
-        "metrics": metrics,
-        "files": [str(file) for file in written],
-    }
-    figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in metrics.items())
-    say(report, output.json, f"{target}: {result.decoder}, {result.seconds:.1f} s", *figures)
 
 
 for _camera in CAMERA_SPECS:

@@ -51,8 +51,8 @@ def spectral(
         test: split file of scenes to add.
         train: split file of the scenes that teach priors and networks; the rendered scenes' prior without it.
         validation: split file of the scenes that choose a network's best step; some of --train without it.
-        decoder: one that `tmca decoders` lists for the camera, or a network trained at every combination: unet-thesis,
-            unet, unrolled.
+        decoder: one that `tmca decoders` lists for the camera, your own as FILE.py:Class or FILE.pt2, or a network
+            trained at every combination: unet-thesis, unet, unrolled.
         set_: NAME=VALUE of the same names for all cells.
         steps: of each training.
         bands: bands, nearest to even spacing from 400 to 700 nm.
@@ -195,8 +195,14 @@ def _run(
 ) -> None:  # fmt: skip
     """Sweep, and print the page."""
     from tmca.evaluation.sweep import Sweep, run_sweep
+    from tmca.lab.decoder_files import decoder_named
 
     axes, settled = named_values(vary, "--vary"), one_value(fixed)
+    how["decoder"] = decoder_named(how["decoder"])
+    if "decoder" in axes:
+        axes["decoder"] = [decoder_named(name, "--vary decoder") for name in axes["decoder"]]
+    if "decoder" in settled:
+        settled["decoder"] = decoder_named(settled["decoder"], "--set decoder")
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
     say(found, grid.json, out.with_suffix(".md").read_text())
 

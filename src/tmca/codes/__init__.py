@@ -33,3 +33,7 @@ __all__ = [
     "tile_of",
     "write_codes",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

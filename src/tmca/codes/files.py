@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -104,6 +104,13 @@ class CodesFile:
     shutter: Tensor
     period: tuple[int, int] | None
     buckets: int = 1
+
+    def at(self, size: Sequence[int] | None) -> CodesFile:
+        """The codes on a frame of (H, W) pixels; those of a whole frame of another size repeat."""
+        rows, columns = (int(side) for side in self.aperture.shape[-2:])
+        if self.period is not None or size is None or (rows, columns) == tuple(size):
+            return self
+        return replace(self, shutter=self.shutter[..., :rows, :columns], period=(rows, columns))
 
     def settings(self) -> dict[str, Any]:
         """Arguments of a camera with these codes."""

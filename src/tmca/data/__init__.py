@@ -104,3 +104,7 @@ __all__ = [
     "write_text",
     "write_tiff",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

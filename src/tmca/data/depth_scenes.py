@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import locate_cube, read
 from tmca.data.fitting import at_bands, fitted_depth, middle_of
@@ -23,7 +21,6 @@ from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
-    from torch import Tensor
 
 SURROUNDINGS = 64
 """Pixels beside what is measured, more than what reaches it: half of a point spread function of 31, the patch
@@ -188,10 +185,3 @@ def with_surroundings(scene: xr.Dataset, size: tuple[int, int], source: str, til
         for side, length in zip(size, (scene.sizes["y"], scene.sizes["x"]), strict=True)
     ]
     return middle_of(scene, (grown[0], grown[1]), source)
-
-
-def depth_tensor(scene: xr.Dataset) -> Tensor:
-    """(1, 1, H, W) metres."""
-    import torch
-
-    return torch.from_numpy(np.array(scene["depth"].values, dtype=np.float32))[None, None]

@@ -30,6 +30,12 @@ _REASONS = {
 }
 
 
+def cache_folder() -> Path:
+    """Where what can be computed again is kept: the folder ``TMCA_CACHE``, or ``tmca`` in the user's cache folder."""
+    usual = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"
+    return Path(os.environ.get("TMCA_CACHE", usual))
+
+
 def make_folder(path: str | Path) -> Path:
     """The folder, made with its parents where it does not exist.
 

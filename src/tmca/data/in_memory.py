@@ -1,4 +1,4 @@
-"""Scenes that are handed over in memory: of which kind they are, and whether they are light."""
+"""Scenes that are handed over in memory: of which kind they are, whether they are light, labelled and as tensors."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from warnings import warn
 import numpy as np
 
 from tmca.arguments import described
+from tmca.data.formats.wavelengths import from_file
 from tmca.errors import DataError, check_shape
 
 if TYPE_CHECKING:
     import xarray as xr
+    from torch import Tensor
 
 _VIEWS = ("view_v", "view_u", "y", "x")
 _CUBE = ("wavelength", "y", "x")
@@ -35,11 +37,17 @@ def as_cube(scene: Any, where: str = "scene") -> xr.DataArray:
         scene = scene["radiance"] if "radiance" in held else next(iter(held.values())) if len(held) == 1 else scene
     if {*getattr(scene, "dims", ())} != {*_CUBE}:
         raise DataError(where, _found(scene), "a spectral scene (wavelength, y, x)", "read it with tmca.read")
+    remedy = 'assign_coords(wavelength=("wavelength", metres))'
     if "wavelength" not in scene.coords:
-        remedy = 'assign_coords(wavelength=("wavelength", metres))'
         raise DataError(where, "no wavelength coordinate", "the wavelength of every band in metres", remedy)
     cube: xr.DataArray = scene.transpose(*_CUBE)
-    return cube
+    given = cube["wavelength"]
+    metres = from_file(given.values, given.attrs.get("units"))
+    if metres is None:
+        raise DataError(where, "a wavelength coordinate of other numbers", "metres or nanometres", remedy)
+    if np.allclose(metres, given.values, rtol=1e-6, atol=0):
+        return cube
+    return cube.assign_coords(wavelength=("wavelength", metres, {"units": "m", "long_name": "wavelength"}))
 
 
 def as_views(scene: Any, where: str = "scene") -> xr.DataArray:
@@ -64,7 +72,58 @@ def as_depth_scene(scene: Any, where: str = "scene") -> xr.Dataset:
     """
     if not {"radiance", "depth"} <= set(getattr(scene, "data_vars", ())):
         raise DataError(where, _found(scene), "a dataset of radiance and depth", _read_as("spectral-depth"))
-    return scene.assign(radiance=as_cube(scene["radiance"], where), depth=scene["depth"].transpose("y", "x"))
+    cube = as_cube(scene["radiance"], where)
+    in_metres = scene.assign_coords(wavelength=cube["wavelength"])
+    return in_metres.assign(radiance=cube, depth=scene["depth"].transpose("y", "x"))
+
+
+def as_tensors(scene: Any, where: str = "scene") -> tuple[Tensor, ...]:
+    """A scene of any form as a camera takes it: its values, and its depth where it has one.
+
+    Args:
+        scene: labelled (xarray), of which axes are in order, a NumPy array, a tensor, or what NumPy makes an array of.
+        where: for errors.
+
+    Returns:
+        Values as they are shaped, a labelled scene with a batch in front: one, or the colours of a light field; depth
+        (1, 1, H, W) metres. What is no tensor becomes single precision.
+
+    Raises:
+        DataError: no numbers.
+    """
+    import torch
+
+    if isinstance(scene, torch.Tensor):
+        return (scene,)
+    held = getattr(scene, "data_vars", None)
+    if held is not None and {"radiance", "depth"} <= set(held):
+        return *as_tensors(scene["radiance"], where), *(part[None] for part in as_tensors(scene["depth"], where))
+    labelled = scene if held is None else next(iter(held.values()))
+    values = np.asarray(labelled)
+    if values.dtype.kind not in "buif":
+        raise DataError(where, f"{described(scene)} of {values.dtype} values", "numbers", "read it with tmca.read")
+    tensor = torch.from_numpy(np.array(values, dtype=np.float32))
+    alone = hasattr(labelled, "dims") and "colour" not in labelled.dims
+    return (tensor[None] if alone else tensor,)
+
+
+def bare_cube(scene: Any) -> np.ndarray | None:
+    """Values (L, H, W) of a labelled cube that has no wavelengths; None of anything else."""
+    if {*getattr(scene, "dims", ())} != {*_CUBE} or hasattr(scene, "data_vars") or "wavelength" in scene.coords:
+        return None
+    return np.asarray(scene.transpose(*_CUBE))
+
+
+def even_bands(count: int, where: str = "scene") -> np.ndarray:
+    """Wavelengths that are assumed where none are given: evenly spaced, 400 to 700 nm; of one band 550 nm.
+
+    Warns:
+        SceneWarning: says so.
+    """
+    text = f"{where}: {count} bands without wavelengths, taken as evenly spaced from 400 to 700 nm"
+    # warned of from one line, so that Python says it once
+    warn(f"{text}; an xarray coordinate wavelength says others", SceneWarning, stacklevel=1)
+    return np.linspace(400e-9, 700e-9, count) if count > 1 else np.array([550e-9])
 
 
 def of_shape(values: np.ndarray, shape: Sequence[Any], where: str) -> np.ndarray:

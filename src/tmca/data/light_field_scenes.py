@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
-import numpy as np
-
 from tmca.arguments import Int, IntPair, checked
 from tmca.data.formats.opening import is_picture
 from tmca.data.formats.view_names import has_names
@@ -22,7 +20,6 @@ from tmca.errors import SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
-    from torch import Tensor
 
 RENDERED = (128, 160)
 """Pixels of rendered light fields that networks learn from."""
@@ -109,7 +106,7 @@ def true_disparity(
     """Disparity (y, x) of the centre view in px per view step, brought to the pixels of ``like``; None without."""
     size = (like.sizes["y"], like.sizes["x"])
     if not Path(source).exists():
-        return _rendered(source, like.sizes["view_v"], size, scale or 1, False)["disparity"]
+        return _rendered(source, 1, size, scale or 1, False)["disparity"]
     if find_disparity(source) is None:
         return None
     return read_disparity(source, crop=size, scale=scale, pattern=pattern)
@@ -122,14 +119,6 @@ def _rendered(source: str, views: int, size: tuple[int, int] | None, scale: int,
     if scale != 1:
         raise SettingError("scale", f"{scale} of a rendered scene", "1: choose its size instead", "leave it out")
     return rendered_light_field(name, views=views, size=size, seed=int(seed or 0), colour=colour)
-
-
-def as_batch(light_field: xr.DataArray) -> Tensor:
-    """(B, V, U, H, W), B the colours."""
-    import torch
-
-    values = torch.from_numpy(np.ascontiguousarray(light_field.values, dtype=np.float32))
-    return values if values.ndim == 5 else values[None]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 from warnings import warn
 
 from tmca.arguments import Float, Floats, Int, IntPair, checked
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Kind = Literal["spectral", "light-field", "spectral-depth"]
+SCENE_KINDS: tuple[Kind, ...] = get_args(Kind)
+"""Cameras that scenes are read for."""
 Bands = Int | Literal["up to 12"]
 
 

@@ -24,27 +24,53 @@ if TYPE_CHECKING:
     from tmca.dbd.files import load_problem, save_problem, save_recovery
     from tmca.dbd.model import Problem, Source, Truth, Units, beyond_freedom
     from tmca.dbd.noise import true_bounds
+    from tmca.dbd.planes import delay_doppler_planes
+    from tmca.dbd.recordings import read_recording
     from tmca.dbd.recovery import Recovery, Score, score
     from tmca.dbd.scenario import Path, Scenario, Target, read_scenario
+    from tmca.dbd.separation import Separation, joint_separation
     from tmca.dbd.simulation import BASES, MESSAGES, simulate
     from tmca.dbd.solving import GRAMS, METHODS, solve
+    from tmca.dbd.waveforms import (
+        Chirp,
+        Ofdm,
+        SampledWaveform,
+        basis_from_waveform,
+        read_waveforms,
+        spectra_of_recording,
+        waveform_source,
+    )
 
 _HOMES = {
     "channel": ("Channel",),
     "files": ("load_problem", "save_problem", "save_recovery"),
     "model": ("Problem", "Source", "Truth", "Units", "beyond_freedom"),
     "noise": ("true_bounds",),
+    "planes": ("delay_doppler_planes",),
+    "recordings": ("read_recording",),
     "recovery": ("Recovery", "Score", "score"),
     "scenario": ("Path", "Scenario", "Target", "read_scenario"),
+    "separation": ("Separation", "joint_separation"),
     "simulation": ("BASES", "MESSAGES", "simulate"),
+    "waveforms": (
+        "Chirp",
+        "Ofdm",
+        "SampledWaveform",
+        "basis_from_waveform",
+        "read_waveforms",
+        "spectra_of_recording",
+        "waveform_source",
+    ),
     "solving": ("GRAMS", "METHODS", "solve"),
 }
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "BASES", "GRAMS", "MESSAGES", "METHODS", "Channel", "Path", "Problem", "Recovery", "Scenario", "Score", "Source",
-    "Target", "Truth", "Units", "beyond_freedom", "load_problem", "read_scenario", "save_problem", "save_recovery",
-    "score", "simulate", "solve", "true_bounds",
+    "BASES", "GRAMS", "MESSAGES", "METHODS", "Channel", "Chirp", "Ofdm", "Path", "Problem", "Recovery",
+    "SampledWaveform", "Scenario", "Score", "Separation", "Source", "Target", "Truth", "Units",
+    "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation", "load_problem",
+    "read_recording", "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score", "simulate",
+    "solve", "spectra_of_recording", "true_bounds", "waveform_source",
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import Field
@@ -20,9 +20,13 @@ from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
-from tmca.dbd.recovery import Recovery
+from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.simulation import carriers
-from tmca.errors import DataError, TmcaError
+from tmca.dbd.waveforms import Waveform, with_waveforms
+from tmca.errors import DataError, TmcaError, check_shape
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 KIND = "dual blind deconvolution"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
@@ -49,7 +53,7 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
 
 
 def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Writes paths, gains, waveforms, bounds and the dual variable; returns the path.
+    """Writes paths, gains, waveforms, bounds, the dual variable and the delay-Doppler planes; returns the path.
 
     Raises:
         OutputError: the file exists or cannot be written.
@@ -63,10 +67,24 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
         variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, about)
         if source.bounds is not None:
             variables[f"bounds_{index}"] = ((f"path_{index}", "axis"), source.bounds, about)
+    for index, (name, planes) in enumerate(delay_doppler_planes(recovery).items()):
+        for kind, plane in planes.items():
+            dims = [f"{dim}_{kind}_{index}" for dim in map(str, plane.dims)]
+            variables[f"{kind}_{index}"] = (dims, plane.values.astype(np.float32), _extents(plane) | {"source": name})
     about = {"kind": f"{KIND}: recovery", "method": recovery.method, "residual": recovery.residual}
     about |= {"exact": int(recovery.exact), "seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
     about |= {"certificate": recovery.certificate_status, "sigma": recovery.sigma}
+    about |= {"unexplained": recovery.unexplained, "doubt": recovery.doubt}
     return _written(variables, about, recovery.problem, path, overwrite)
+
+
+def _extents(plane: Any) -> dict[str, Any]:
+    """Where the axes of a plane begin and end, in every unit there is."""
+    extents = {}
+    for name, values in plane.coords.items():
+        step = float(values[1] - values[0])
+        extents[str(name)] = [float(values[0]), float(values[-1]) + step]
+    return extents
 
 
 def _parts(dimensions: Sequence[str], values: Complex, about: Mapping[str, Any] | None = None) -> tuple[Any, ...]:
@@ -86,13 +104,18 @@ def _written(
     return write_dataset(xarray.Dataset(variables, coordinates, known), path, overwrite=overwrite)
 
 
-def load_problem(path: str | Path) -> Problem:
+def load_problem(path: str | Path, waveforms: Mapping[str, Waveform] | None = None) -> Problem:
     """Reads what :func:`save_problem` wrote, or a user's ``.npz`` with ``y`` and ``basis_NAME`` arrays.
 
     In an ``.npz``, ``basis_NAME`` is ``(M, J)`` or ``(P, M, J)``; ``message_NAME``, ``weight_NAME`` and ``sigma`` are
     optional; without ``message_NAME`` a basis of its own in every pulse carries ``block`` messages and a common one
     the same signal in all pulses. With ``delay_s``, ``doppler_hz`` and ``carrier_hz`` (and ``spacing``), as in
-    :class:`Units`, results are in metres and metres a second.
+    :class:`Units`, results are in metres and metres a second; without ``carrier_hz`` Dopplers stay in hertz.
+
+    Args:
+        path: of the file.
+        waveforms: by the names of their sources, in place of bases of the file or beside them; the samples then need
+            units, and may lack bases.
 
     Raises:
         DataError: the file is missing, broken, or lacks something.
@@ -103,7 +126,9 @@ def load_problem(path: str | Path) -> Problem:
         there = "a folder" if path.is_dir() else "no such file"
         raise DataError(path, there, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
     try:
-        return _from_arrays(_npz_arrays(path)) if path.suffix == ".npz" else _from_dataset(path, read_dataset(path))
+        if path.suffix == ".npz":
+            return _from_arrays(_npz_arrays(path, waveforms or {}), waveforms or {})
+        return with_waveforms(_from_dataset(path, read_dataset(path)), waveforms or {})
     except TmcaError as error:
         if error.where.startswith(str(path)):
             raise
@@ -131,11 +156,11 @@ class ProblemAttributes(Attributes):
 def _units(given: Mapping[str, float | None]) -> Units | None:
     """Those of the samples, where there are any; DataError for some of them alone."""
     known = {name: value for name in _UNITS if (value := given.get(name)) is not None}
-    missing = [name for name in _UNITS[:3] if name not in known]
-    if len(missing) == 3:
+    missing = [name for name in _UNITS[:2] if name not in known]
+    if not known or (missing and set(known) <= {"spacing"}):
         return None
     if missing:
-        raise DataError("units", f"no {', '.join(missing)}", f"{', '.join(_UNITS[:3])}, or none of them")
+        raise DataError("units", f"no {' and no '.join(missing)}", f"{' and '.join(_UNITS[:2])}, or no units at all")
     return Units(**known)
 
 
@@ -180,11 +205,11 @@ def _real(path: Path, dataset: Any, name: str) -> Any:
     return values
 
 
-def _npz_arrays(path: Path) -> dict[str, Any]:
+def _npz_arrays(path: Path, waveforms: Mapping[str, Waveform]) -> dict[str, Any]:
     """The arrays of a user's file, none of which may mean nothing."""
     heads = npz_heads(path)
     names = [name.removeprefix("basis_") for name in heads if name.startswith("basis_")]
-    if "y" not in heads or not names:
+    if "y" not in heads or not (names or waveforms):
         raise DataError(path, ", ".join(heads) or "nothing", "y and one basis_NAME or more")
     unknown = [name for name in heads if name not in _NPZ and name.split("_", 1)[-1] not in names]
     if unknown:
@@ -196,7 +221,7 @@ def _npz_arrays(path: Path) -> dict[str, Any]:
         return {name: loaded[name] for name in heads}
 
 
-def _from_arrays(arrays: dict[str, Any]) -> Problem:
+def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> Problem:
     single = [name for name in arrays if name in _NPZ[1:] or name.startswith("weight_")]
     for name, value in arrays.items():
         if value.dtype.kind not in "iufc":
@@ -212,4 +237,9 @@ def _from_arrays(arrays: dict[str, Any]) -> Problem:
         plain = np.arange(len(rows)) if rows.ndim == 3 else np.zeros(y.shape[-2], np.int64)
         weight = {"weight": numbers[f"weight_{name}"]} if f"weight_{name}" in numbers else {}
         sources.append(Source(name, rows, arrays.get(f"message_{name}", plain), **weight))
-    return Problem(y, tuple(sources), numbers.get("sigma"), units=_units(numbers))
+    units = _units(numbers)
+    if not sources:  # a stand-in, which only tells the size, until the waveforms take its place
+        check_shape("y", y, (..., "pulses", "frequencies"))
+        stand_in = Source(next(iter(waveforms)), np.ones((*y.shape[-2:], 1)), np.zeros(y.shape[-2], np.int64))
+        sources = [stand_in]
+    return with_waveforms(Problem(y, tuple(sources), numbers.get("sigma"), units=units), waveforms)

@@ -51,20 +51,26 @@ class Units:
     Args:
         delay_s: seconds of a normalised delay of one: the inverse of the frequency spacing.
         doppler_hz: hertz of a normalised Doppler of one: the pulse repetition frequency.
-        carrier_hz: carrier frequency, for velocities.
+        carrier_hz: carrier frequency, for velocities; None leaves Dopplers in hertz.
         spacing: antenna spacing in wavelengths, for angles.
     """
 
     delay_s: float
     doppler_hz: float
-    carrier_hz: float
+    carrier_hz: float | None = None
     spacing: float = 0.5
 
     def physical(self, values: Real, axis: int, name: str) -> Real:
-        """Normalised delays (axis 0) in metres, Dopplers (1) of −½ to ½ in metres a second, angles (2) in degrees."""
+        """Normalised delays (axis 0) in metres, Dopplers (1) of −½ to ½ in metres a second, angles (2) in degrees.
+
+        Raises:
+            SettingError: a Doppler without a carrier frequency.
+        """
         if axis == 2:
             return np.rad2deg(np.arcsin(np.clip(values / self.spacing, -1, 1)))
-        scale = self.delay_s if axis == 0 else self.doppler_hz / self.carrier_hz
+        if axis == 1 and self.carrier_hz is None:
+            raise SettingError("carrier_hz", "none", "a frequency", "give Units(…, carrier_hz=…) for velocities")
+        scale = self.delay_s if axis == 0 else self.doppler_hz / (self.carrier_hz or 1.0)
         return np.asarray(values, float) * scale * LIGHT_M_S / (2.0 if is_radar(name) else 1.0)
 
     def deviation(self, values: Real, deviations: Real, axis: int, name: str) -> Real:

@@ -130,10 +130,17 @@ def _extended(channel: Channel, left: Complex) -> Channel:
 
 
 def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int | None] | None = None) -> list[Real]:
-    """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source.
+    """Cramér–Rao bounds of the positions: standard deviations ``(n, D)`` per source; see :func:`covariances`."""
+    return [np.sqrt(np.diagonal(one, axis1=1, axis2=2)) for one in covariances(channels, sigma, references)]
+
+
+def covariances(
+    channels: Sequence[Channel], sigma: float, references: Sequence[int | None] | None = None
+) -> list[Real]:
+    """Cramér–Rao bounds of the covariances of the coordinates of each path: ``(n, D, D)`` per source.
 
     Gains and waveforms are nuisance, up to their common factor. Dopplers of ``block`` messages are bounded relative to
-    one path's, whose own is zero. Coordinates that no samples of this kind can tell have no bound: infinite.
+    one path's, whose own is zero. Coordinates that no samples of this kind can tell have no bound: infinite variances.
 
     Args:
         channels: structured; the truth, or an estimate in its place.
@@ -158,12 +165,19 @@ def bounds(channels: Sequence[Channel], sigma: float, references: Sequence[int |
     information = fisher[np.ix_(columns, columns)] - cross @ within @ cross.T
     values, vectors = np.linalg.eigh(information)
     certain = values > 1e-11 * 2 / sigma**2
-    variances = (vectors[:, certain] ** 2 / values[certain]).sum(axis=1)
-    variances[(vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8] = np.inf  # a direction that no sample tells
-    deviations = np.zeros(ends[-1])
-    deviations[free] = np.sqrt(variances) / sizes[columns]
-    parts = np.split(deviations, ends[:-1])
-    return [part.reshape(one.positions.shape) for one, part in zip(channels, parts, strict=True)]
+    inverse = vectors[:, certain] / values[certain] @ vectors[:, certain].T
+    unseen = np.flatnonzero((vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8)  # a direction that no sample tells
+    inverse[unseen, unseen] = np.inf
+    every = np.zeros((ends[-1], ends[-1]))
+    every[np.ix_(free, free)] = inverse / np.outer(sizes[columns], sizes[columns])
+    starts = zip(channels, ends - [one.positions.size for one in channels], strict=True)
+    return [_of_paths(every, start, *one.positions.shape) for one, start in starts]
+
+
+def _of_paths(covariance: Real, start: int, count: int, axes: int) -> Real:
+    """``(count, axes, axes)``, the blocks on the diagonal from a place on."""
+    places = start + np.arange(count * axes).reshape(count, axes)
+    return covariance[places[:, :, None], places[:, None, :]]
 
 
 def true_bounds(problem: Problem, references: Sequence[int | None] | None = None) -> list[Real]:

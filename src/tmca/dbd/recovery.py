@@ -4,17 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
+from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
+from tmca.summaries import Summary, as_numpy, sizes
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True)
-class Recovery:
+@dataclass(frozen=True, repr=False)
+class Recovery(Summary):
     """The answer to a problem.
 
     Args:
@@ -28,6 +36,9 @@ class Recovery:
         q: ``(A, P, M)``, a dual variable whose polynomials show the paths.
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
+        doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
+            other energy is left, nearly as many unknowns as samples were needed, or another sign or order of the
+            bases explains the samples better.
     """
 
     problem: Problem = field(repr=False)
@@ -40,11 +51,17 @@ class Recovery:
     q: Complex = field(repr=False)
     seconds: float
     notes: tuple[str, ...] = ()
+    doubt: str | None = None
 
     @property
     def found(self) -> bool:
-        """Whether there is any path."""
-        return any(len(source) for source in self.sources)
+        """Whether there is any path, and all together explain the samples: without :attr:`doubt`."""
+        return any(len(source) for source in self.sources) and self.doubt is None
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the samples' energy that the paths do not explain, 0 to 1, noise included."""
+        return self.residual**2
 
     @property
     def certified(self) -> bool | None:
@@ -66,6 +83,16 @@ class Recovery:
         """How near the truth of ``problem`` (this one's by default) the recovery is; see :func:`score`."""
         return score(self.sources, problem or self.problem, tolerance)
 
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every target and path, by name: delay, Doppler, gain, power and standard deviations (``…_std``,
+        Cramér–Rao bounds); in seconds and hertz, metres and metres a second where the problem has units.
+        """
+        return path_frame(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """The same along one dimension ``path``, with units, and the share that stays unexplained as an attribute."""
+        return path_dataset(self)
+
     @property
     def dopplers_hz(self) -> dict[str, Real]:
         """Per source the Dopplers in hertz, ``−½`` to ``½`` of the pulse repetition frequency; needs units."""
@@ -75,6 +102,36 @@ class Recovery:
     def delays_s(self) -> dict[str, Real]:
         """Per source the delays in seconds; needs units."""
         return {one.name: one.points[:, 0] * self._units().delay_s for one in self.sources}
+
+    def plot(self) -> Figure:
+        """Norms of the dual polynomials over delay and Doppler, with the recovered paths, and the true where known."""
+        from tmca.dbd.planes import planes
+        from tmca.plots.dbd import Plane, planes_figure
+
+        return planes_figure([Plane(**plane) for plane in planes(self)])
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
+        """(n, 3) delay, Doppler and angle of all paths, source after source."""
+        return as_numpy(np.concatenate([one.points for one in self.sources]), dtype, copy)
+
+    def _facts(self) -> dict[str, str]:
+        counts = (f"{one.name} {len(one)} path{'s'[: len(one) != 1]}" for one in self.sources)
+        return {
+            "problem": f"{sizes(self.problem.shape)} (antennas, pulses, frequencies)",
+            "paths": ", ".join(counts),
+            "unexplained": "nothing: an exact fit" if self.exact else f"{self.unexplained:.2g} of the energy",
+            "doubt": self.doubt or "",
+            "certificate": self.certificate_status,
+            "noise": "not known" if self.sigma is None else f"{self.sigma:.3g}" if self.sigma else "none",
+            "method": f"{self.method}, {self.seconds:.2g} s",
+            "notes": "; ".join(self.notes),
+        }
+
+    def _picture(self) -> Figure:
+        from tmca.dbd.planes import planes
+        from tmca.plots.dbd import Plane, small_planes_figure
+
+        return small_planes_figure([Plane(**plane) for plane in planes(self)])
 
     def _units(self) -> Units:
         if self.problem.units is None:

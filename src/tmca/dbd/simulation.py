@@ -13,6 +13,7 @@ from tmca.dbd.model import Complex, Problem, Real, Source, Truth, Whole, distanc
 from tmca.errors import SettingError, check_choice, check_range
 
 BASES = ("vandermonde", "gaussian", "dft", "sign")
+KNOWN = ("radar", "communications", "both")
 MESSAGES = ("shared", "block", "dense")
 Several = int | Sequence[int]
 _RATIOS = "a whole number, or one over a whole number"
@@ -40,6 +41,7 @@ def simulate(
     separation: float | Sequence[float] | None = None,
     amplitudes: tuple[float, float] = (1.0, 1.0),
     known_waveforms: bool = False,
+    known: str | None = None,
 ) -> Problem:
     """Draws a problem: points apart from each other, random phases, random signals in random subspaces.
 
@@ -62,6 +64,7 @@ def simulate(
             angle); by default ``1/⌊(M−1)/2⌋``, ``1/⌊P/2⌋`` and ``1/⌊A/2⌋``.
         amplitudes: range of the paths' magnitudes, uniform.
         known_waveforms: every signal is known up to a factor: J becomes 1 (thesis table 8, plain super-resolution).
+        known: of which transmitters it is: ``radar``, ``communications`` or ``both``; their channels stay unknown.
 
     Returns:
         The problem; its noise level is known to it.
@@ -70,6 +73,8 @@ def simulate(
         SettingError: sizes that are not positive or beyond what any receiver has, points that do not fit, SNR that is
             no number.
     """
+    if known is not None:
+        check_choice("known", known, KNOWN)
     for name, size in {"M": M, "P": P, "J": J, "antennas": antennas}.items():
         check_range(name, size, 1, whole=True)
     check_range("seed", seed, 0, whole=True)
@@ -106,7 +111,7 @@ def simulate(
                 source = beyond_prefix(source, random_rows(rng, M, source.subspace, basis), late_samples)
             source = lagged(source, lag) if lag else source
         waveform = unit_vector(rng, source.unknowns)
-        if known_waveforms:
+        if known_waveforms or known == "both" or known == name.rstrip(" 0123456789"):
             source, waveform = source.with_signal(waveform), np.ones(1, complex)
         sources.append(source)
         full = np.pad(points[index], ((0, 0), (0, 3 - points[index].shape[1])))

@@ -12,6 +12,7 @@ import numpy as np
 
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
+from tmca.dbd.doubts import whole_doubt
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
 from tmca.dbd.model import (
@@ -27,13 +28,12 @@ from tmca.dbd.model import (
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
 from tmca.errors import SettingError, check_choice, check_range
+from tmca.progress import Asked, reporting
 
 METHODS = ("sfw", "sdp", "cvxpy")
 GRAMS = ("separate", "shared")
 _TOUCHES = (0.97, 0.99, 0.997, 0.999)
 """Shares of its bound from which a polynomial touches it; a plateau shows as many maxima at the lower ones."""
-_LITTLE, _SIGMAS = 0.5, 5.0
-"""Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _MATRICES = 14
 """Matrices of the size of an inequality that the iterations hold at once."""
 _CLARABEL_BYTES = 550.0
@@ -52,7 +52,7 @@ def solve(
     early: bool = True,
     accuracy: float = 1e-5,
     solver: str = "CLARABEL",
-    progress: Callable[..., None] | None = None,
+    progress: Asked = None,
 ) -> Recovery:
     """Finds the paths and signals of every source.
 
@@ -68,7 +68,8 @@ def solve(
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         accuracy: relative residual at which ``sdp`` ends; the value of the programme is about ten times as inexact.
         solver: CVXPY's name of the solver.
-        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``.
+        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``; True for a bar, False for
+            none; None for one that is shown after a second in a terminal or a notebook.
 
     Returns:
         The recovery; ``found``, ``exact`` and ``certified`` are separate statements.
@@ -78,7 +79,8 @@ def solve(
 
     Warns:
         SameSignals, BeyondFreedom: problems that have no unique answer.
-        LittleExplained: a recovery that leaves half of the signal or more.
+        LittleExplained: a recovery that leaves half of the signal or more, or has nearly as many unknowns as there
+            are samples; or bases whose conjugate, or whose reverse in frequency, explains the samples better.
     """
     began = time.perf_counter()
     check_choice("method", method, METHODS)
@@ -96,20 +98,12 @@ def solve(
         solution = frank_wolfe(problem)
     else:
         _check_dual(problem, method, gram, solver)
-        solution = _by_dual(problem, method, gram, early, accuracy, solver, progress)
+        with reporting(progress, method) as report:
+            solution = _by_dual(problem, method, gram, early, accuracy, solver, report)
     recovery = _recovery(problem, method, solution, certify, began)
-    _warn_of_little(problem, recovery.residual)
+    if recovery.doubt:
+        warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)
     return recovery
-
-
-def _warn_of_little(problem: Problem, left: float) -> None:
-    """Warn of a relative residual beyond what is known to be noise, with half of all other energy in it or more."""
-    samples, power = problem.y.size, float(np.linalg.norm(problem.y)) ** 2
-    noise = (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
-    if left**2 > noise + _LITTLE * (1 - noise):
-        known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
-        line = f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
-        warnings.warn(f"{line}: are bases, messages and sigma those of y?", LittleExplained, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
@@ -207,5 +201,6 @@ def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, 
         pairs = zip(channels, bounds(channels, solution.sigma), strict=True)
         channels = [replace(one, bounds=one.atoms.full(deviations)) for one, deviations in pairs]
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
-    seconds = time.perf_counter() - began
-    return Recovery(problem, method, tuple(channels), left, exact, proof, solution.sigma, q, seconds, tuple(notes))
+    doubtful = whole_doubt(problem, channels, left, exact)
+    seconds, sigma = time.perf_counter() - began, solution.sigma
+    return Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, tuple(notes), doubtful)

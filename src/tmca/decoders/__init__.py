@@ -3,8 +3,9 @@
 from tmca.arguments import settings_of
 from tmca.decoders import adapted, kriging, moving, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
-from tmca.decoders.decoder import Decoder, Estimate, Prepared, Raw, decode
+from tmca.decoders.decoder import Decoder, NoRenderedPrior, Prepared, Raw, decode
 from tmca.decoders.dictionary import DictionaryEstimator
+from tmca.decoders.estimate import Estimate
 from tmca.decoders.least_squares import Result, tikhonov
 from tmca.decoders.likelihood import PatchLikelihood
 from tmca.decoders.lmmse import LMMSE, PatchEstimator
@@ -33,6 +34,7 @@ __all__ = [
     "DictionaryEstimator",
     "Estimate",
     "Network",
+    "NoRenderedPrior",
     "OtherCodes",
     "PatchEstimator",
     "PatchLikelihood",
@@ -65,3 +67,7 @@ __all__ = [
     "tv_prox",
     "usual_decoder",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

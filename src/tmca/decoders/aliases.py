@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from tmca.cameras import Snapshot
-from tmca.decoders.decoder import Estimate, Progress, decode
+from tmca.decoders.decoder import Progress, decode
+from tmca.decoders.estimate import Estimate
 from tmca.decoders.nets.weights import Weights
 
 Decoded = Estimate

@@ -5,17 +5,14 @@ CONTRIBUTING shows the smallest one. Packages of others name theirs in the entry
 
 from __future__ import annotations
 
-import json
 import time
 from abc import ABC, abstractmethod
-from base64 import b64encode
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, field, replace
-from html import escape
-from io import BytesIO
+from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+from warnings import warn
 
 import torch
 from torch import Tensor
@@ -23,132 +20,22 @@ from torch import Tensor
 from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
-from tmca.decoders.registry import decoders_for, decodes, make_decoder, register, usual_decoder
+from tmca.decoders.estimate import PRIOR, Estimate
+from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import take
-from tmca.priors import Prior, find_prior
+from tmca.priors import Prior, find_prior, has_rendered
+from tmca.progress import Asked, reporting
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
+_WITHOUT_PRIOR = "admm-tv"
+"""The decoder where there is no prior for the usual one."""
 Progress = Callable[..., None]
 """Takes the share that is done and, while a prior is learned, what is done next."""
-PLANES = "depth_planes"
-"""Attribute of an estimate with depth, JSON: nearest and farthest plane in metres, and their number."""
 
 
-@dataclass(eq=False, repr=False)
-class Estimate:
-    """The scenes that a decoder finds behind snapshots.
-
-    Args:
-        values: (B, *camera.scene_shape) relative irradiance: cubes (B, L, H, W), light fields (B, V, U, H, W), or
-            (B, K, L, H, W) of scenes that change from slot to slot.
-        camera: that took the snapshots.
-        decoder: name of the decoder.
-        deviation: predicted standard deviation of every entry, shaped as the values.
-        depth: (B, 1, H, W) metres.
-        confidence: (B, 1, H, W) probability of the bin of the depth and its two neighbours.
-        planes: (B, D, H, W) log-probability of every plane, from far to near, up to a constant.
-        seconds: wall time.
-        notes: of the snapshot (scene, seed, …) and of the decoder (iterations, weight, …); attributes of the file.
-    """
-
-    values: Tensor
-    camera: Any
-    decoder: str
-    deviation: Tensor | None = None
-    depth: Tensor | None = None
-    confidence: Tensor | None = None
-    planes: Tensor | None = None
-    seconds: float = 0.0
-    notes: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def estimate(self) -> Tensor:
-        """The values, by their name in version 0.1."""
-        return self.values
-
-    def to_xarray(self) -> xr.Dataset:
-        """Labelled arrays: ``estimate`` and ``deviation``, or ``radiance``, ``depth`` and ``confidence``.
-
-        A batch of one has no axis of its own; colours of a light field have.
-        """
-        import xarray as xr
-
-        attrs = {**self.notes, "camera": self.camera.kind, "decoder": self.decoder, "seconds": self.seconds}
-        by = f"estimated by {self.decoder}"
-        parts = {"estimate" if self.depth is None else "radiance": self._label(self.values, f"scene {by}")}
-        if self.deviation is not None:
-            parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
-        if self.depth is not None:
-            attrs[PLANES] = json.dumps(asdict(self.camera.planes))
-        for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
-            if plane is not None:
-                maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
-                several = len(maps) > 1
-                dims = ("snapshot", "y", "x") if several else ("y", "x")
-                parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)
-        return xr.Dataset(parts, attrs=attrs)
-
-    def _label(self, values: Tensor, meaning: str) -> xr.DataArray:
-        """Values (B, *scene_shape), or (B, K, *scene_shape), as the camera labels them."""
-        import xarray as xr
-
-        def stacked(parts: Iterable[xr.DataArray], axis: str) -> xr.DataArray:
-            return xr.concat(parts, axis, coords="minimal", compat="override", join="override")
-
-        colours = len(values) == 3 and "colour" in self.camera.snapshot_axes(values)
-        if len(values) > 1 and not colours:
-            return stacked((self._label(one, meaning) for one in values.split(1)), "snapshot")
-        if values.ndim > 1 + len(self.camera.scene_shape):
-            return stacked((self.camera.label(slot, meaning) for slot in values.unbind(1)), "slot")
-        labelled: xr.DataArray = self.camera.label(values, meaning)
-        return labelled
-
-    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
-        """Write `to_xarray` as NetCDF, whole or not at all.
-
-        Raises:
-            OutputError: the file exists, or cannot be written.
-        """
-        from tmca.data import write_dataset
-
-        return write_dataset(self.to_xarray(), path, overwrite=overwrite)
-
-    def plot(self, truth: Any = None) -> Figure:
-        """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
-
-        Args:
-            truth: the scene, its name or file, or an array as large as the estimate, brought to the camera's bands and
-                size beside it; of a dataset the first variable, or ``radiance`` and ``depth``.
-
-        Raises:
-            DataError, ShapeError: a truth of another kind, or a smaller one.
-        """
-        from tmca.plots.estimates import estimate_figure
-
-        limits = None if self.depth is None else (self.camera.planes.near, self.camera.planes.far)
-        return estimate_figure(self.to_xarray(), truth, limits)
-
-    def view(self, truth: Any = None, **how: Any) -> Any:
-        """Look at the estimate in a browser; arguments, result and errors as of `tmca.view`."""
-        import tmca
-
-        return tmca.view(self, truth=truth, **how)
-
-    def __repr__(self) -> str:
-        sides = "×".join(str(side) for side in self.values.shape)
-        more = [name for name in ("deviation", "depth", "confidence", "planes") if getattr(self, name) is not None]
-        with_more = f" with {' and '.join(more)}" if more else ""
-        return f"<Estimate {sides} of a {self.camera.kind} camera by {self.decoder}{with_more}, {self.seconds:.2g} s>"
-
-    def _repr_html_(self) -> str:
-        picture = BytesIO()
-        self.plot().savefig(picture, format="png", dpi=50)
-        return f'{escape(repr(self))}<br><img src="data:image/png;base64,{b64encode(picture.getvalue()).decode()}"/>'
+class NoRenderedPrior(UserWarning):
+    """A camera for whose scenes no prior comes with the package."""
 
 
 @dataclass
@@ -170,7 +57,8 @@ class Decoder(WithSettings, ABC):
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
     the prior that it needs (``"gaussian"``, ``"mixture"``, ``"dictionary"`` or a kind of another package),
     ``deviation`` whether it can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
-    negative values are set to zero, and ``moving`` whether it estimates a scene for every slot.
+    negative values are set to zero, ``moving`` whether it estimates a scene for every slot, and ``needs_taps`` whether
+    it asks for ``camera.taps()``: cameras without have not got it.
     """
 
     name: ClassVar[str]
@@ -180,6 +68,7 @@ class Decoder(WithSettings, ABC):
     deviation: ClassVar[bool] = False
     clips: ClassVar[bool] = True
     moving: ClassVar[bool] = False
+    needs_taps: ClassVar[bool] = False
 
     def __init_subclass__(cls, **how: Any) -> None:
         super().__init_subclass__(**how)
@@ -258,9 +147,7 @@ class Decoder(WithSettings, ABC):
     def _prepare(
         self, camera: Any, prior: Any, progress: Progress | None, *, many: bool, bank: Path | None = None
     ) -> Prepared:
-        if not decodes(type(self), camera.kind):
-            wanted = f"one of {', '.join(decoders_for(camera.kind))}"
-            raise SettingError("decoder", f"'{self.name}' for a {camera.kind} camera", wanted)
+        check_decodes(type(self), camera.kind)
         decoder = self._checked()
         chosen = decoder.find_prior(camera, prior, progress)
         start = time.perf_counter()
@@ -269,7 +156,7 @@ class Decoder(WithSettings, ABC):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
-        return Prepared(decoder, camera, state, time.perf_counter() - start)
+        return Prepared(decoder, camera, state, time.perf_counter() - start, _in_a_line(chosen, prior))
 
     def __call__(
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
@@ -289,6 +176,7 @@ class Prepared:
     camera: Any
     state: Any
     seconds: float = 0.0
+    prior: str = ""
 
     def __call__(self, snapshot: Snapshot[Any] | Tensor, progress: Progress | None = None) -> Estimate:
         """Decode a snapshot of the camera, or values (B, *snapshot_shape).
@@ -316,7 +204,8 @@ class Prepared:
         deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         seconds = time.perf_counter() - start
-        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, {**notes, **raw.notes})
+        notes = {**notes, **({PRIOR: self.prior} if self.prior else {}), **raw.notes}
+        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, notes)
 
     def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:
         """Decode frames one after the other, as they come: snapshots of the camera, or values (R, H, W') or (1, R, H,
@@ -339,7 +228,7 @@ def decode(
     decoder: str | type[Decoder] | Decoder | None = None,
     *,
     prior: str | Path | Prior | None = None,
-    progress: Progress | None = None,
+    progress: Asked = None,
     device: str | torch.device | None = None,
     bank: str | Path | None = None,
     **settings: Any,
@@ -348,9 +237,11 @@ def decode(
 
     Args:
         snapshot: values and camera, or the file that holds them.
-        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one.
-        prior: a prior, its file, or None for that of the rendered scenes, learned on first use.
-        progress: called with the share that is done.
+        decoder: a name of `decoders_for` the camera, a class or an instance; None for the camera's usual one, or one
+            without a prior where none is given and the rendered scenes have none for the camera.
+        prior: a prior, its file, or None for that of the rendered scenes, learned on first use; the estimate notes it.
+        progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
+            a second in a terminal or a notebook.
         device: where it is decoded, and where the estimate lies: ``"cuda"``, ``"cpu"``; None where the snapshot
             is, or as `tmca.devices.computing_on` says.
         bank: file that stores what depends on camera, noise and prior alone, for the next snapshot (lmmse); see
@@ -360,6 +251,9 @@ def decode(
     Raises:
         SettingError: an unknown decoder or setting, a camera or prior that does not fit, or a device that is not there.
         DataError: a file that holds no snapshot, or a bank of something else.
+
+    Warns:
+        NoRenderedPrior: a camera for which no prior comes with the package: another decoder than the usual one.
 
     >>> import torch, tmca.cameras
     >>> camera = tmca.cameras.SpectralCamera(3, (8, 8), slots=2)
@@ -375,12 +269,34 @@ def decode(
     where = usual_device() if device is None else device
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
-    made = make_decoder(decoder or usual_decoder(kind), kind, settings)
-    if bank is None:
-        return made(snapshot, prior, progress)
-    prepared = made.prepare(snapshot.camera, prior, progress, bank=bank)
-    estimate = prepared(snapshot, progress)
+    if decoder is None:
+        decoder = _usual(snapshot.camera) if prior is None else usual_decoder(kind)
+    made = make_decoder(decoder, kind, settings)
+    with reporting(progress, made.name) as report:
+        if bank is None:
+            return made(snapshot, prior, report)
+        prepared = made.prepare(snapshot.camera, prior, report, bank=bank)
+        estimate = prepared(snapshot, report)
     return replace(estimate, seconds=estimate.seconds + prepared.seconds)
+
+
+def _usual(camera: Any) -> str:
+    """Name of the usual decoder of a camera, of one without a prior where the rendered scenes have none for it."""
+    usual, available = usual_decoder(camera.kind), decoders_for(camera.kind)
+    cls = available.get(usual)
+    if cls is None or cls.prior_kind is None or _WITHOUT_PRIOR not in available or has_rendered(camera):
+        return usual
+    text = f"no prior of this {camera.kind} camera's scenes comes with tmca: {_WITHOUT_PRIOR} instead of {usual}"
+    warn(f"{text}; learn one with `tmca prior learn`, or tmca.priors.learn_prior", NoRenderedPrior, stacklevel=3)
+    return _WITHOUT_PRIOR
+
+
+def _in_a_line(prior: Any, given: Any) -> str:
+    """The prior of an estimate in a few words; none of a decoder without one."""
+    if not isinstance(prior, Prior):
+        return ""
+    source = "the rendered scenes" if given is None else f"{given}" if isinstance(given, str | Path) else "given"
+    return f"{prior.in_a_line()} ({source})"
 
 
 def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:

@@ -181,6 +181,7 @@ class DictionaryDecoder(Decoder):
 
     name, label, cameras = "dictionary", "dictionary (LASSO)", frozenset({"light-field"})
     prior_kind = "dictionary"
+    needs_taps = True
     method: ClassVar[str] = "lasso"
 
     def setup(self, camera: Any, prior: Any) -> DictionaryEstimator:

@@ -193,6 +193,7 @@ class TikhonovDecoder(Decoder):
     """
 
     name, label, cameras = "tikhonov", "Tikhonov", frozenset({"spectral", "light-field"})
+    needs_taps = True
     weight: float = 0.3
     iterations: int = 100
 

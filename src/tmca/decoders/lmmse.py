@@ -306,6 +306,7 @@ class PatchDecoder(Decoder):
     """What decoders have in common that blend estimates of blocks."""
 
     cameras, prior_kind, deviation = frozenset({"spectral", "light-field"}), "gaussian", True
+    needs_taps = True
     uncertainty: bool = False
 
     def setup(self, camera: Any, prior: Any) -> Any:

@@ -54,8 +54,29 @@ def decoders_for(kind: str, moving: bool | None = False) -> dict[str, type[Decod
 
 
 def decodes(decoder: type[Decoder], kind: str) -> bool:
-    """Whether a decoder names a kind of camera, or such a camera the decoder."""
-    return kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
+    """Whether a decoder names a kind of camera, or such a camera the decoder, and the camera has what it needs."""
+    named = kind in decoder.cameras or (kind in CAMERAS and decoder.name in CAMERAS[kind].decoders)
+    return named and not _lacks_taps(decoder, kind)
+
+
+def _lacks_taps(decoder: type[Decoder], kind: str) -> bool:
+    """Whether a decoder needs the taps of a camera which has none."""
+    return decoder.needs_taps and kind in CAMERAS and not hasattr(CAMERAS[kind], "taps")
+
+
+def check_decodes(decoder: type[Decoder], kind: str) -> None:
+    """Raises SettingError, with the decoders that a kind of camera has, unless this is one of them."""
+    if decodes(decoder, kind):
+        return
+    choices = ", ".join(decoders_for(kind, moving=None))
+    expected, remedy = f"one of {choices}" if choices else "a decoder that names this camera", ""
+    found = f"{decoder.name!r}, which is for {', '.join(sorted(decoder.cameras))} cameras, for a {kind} camera"
+    if _lacks_taps(decoder, kind):
+        found = f"{decoder.name!r}, which needs camera.taps(), for a {kind} camera, which has none"
+        remedy = (
+            "dagger and the admm-tv and pnp decoders of cubes need camera.operator() alone: name them in its decoders"
+        )
+    raise SettingError("decoder", found, expected, remedy)
 
 
 def make_decoder(
@@ -65,8 +86,7 @@ def make_decoder(
     if isinstance(decoder, str):
         choices = decoders_for(kind, moving=None)
         if decoder not in choices and decoder in decoders():
-            found = f"{decoder!r}, which is for {', '.join(sorted(decoders()[decoder].cameras))} cameras"
-            raise SettingError("decoder", found, f"one of {', '.join(choices)}")
+            check_decodes(decoders()[decoder], kind)
         check_choice("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)

@@ -179,6 +179,7 @@ class FrameDecoder(Decoder):
     """What decoders of scenes that change during the exposure share: frames, and the operator that images them."""
 
     cameras, moving = frozenset({"spectral"}), True
+    needs_taps = True
     frames: int | None = None
 
     def scene_shape(self, camera: Any) -> tuple[int, ...]:

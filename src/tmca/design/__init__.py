@@ -7,7 +7,7 @@ from tmca.design.flips import flip_greedily
 from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
 from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskTask, search_masks
 from tmca.design.measures import CodeMeasures, measures
-from tmca.design.search import SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
+from tmca.design.search import QUICK, SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
 from tmca.design.sheet import SensorSheet
 from tmca.design.spectral_depth import depth_information, design_masks
 from tmca.design.task import Task, camera_arguments, load_examples, on_frame, save_examples
@@ -15,6 +15,7 @@ from tmca.design.transfer import Examples, TransferMse, learn_examples
 
 __all__ = [
     "KINDS",
+    "QUICK",
     "SURVEY",
     "Advice",
     "BlockMse",
@@ -55,3 +56,7 @@ __all__ = [
     "search_masks",
     "throughput_of",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 from statistics import stdev
 from typing import Any
 
@@ -18,6 +19,8 @@ _FLIP = 0.1
 """Steps of a descent that take as long as a flip."""
 WORTH = 0.1
 """Gain in dB below which more than one slot is not worth it."""
+WITHIN = 0.1
+"""Share of the largest gain below which more slots are not worth it."""
 _LIGHT = 0.02
 """How far the light of codes may be from the share that is asked for."""
 _READINGS = 4
@@ -74,6 +77,7 @@ class Advice:
         sheet: of the sensor.
         left_out: (kind, K) of codes that cannot let through the share of light that was asked for.
         throughput: that share; None where the light is free.
+        within: share of the largest gain that fewer slots may lack.
     """
 
     static: Candidate
@@ -85,6 +89,7 @@ class Advice:
     sheet: SensorSheet
     left_out: tuple[tuple[str, int], ...] = ()
     throughput: float | None = None
+    within: float = WITHIN
 
     @property
     def chosen(self) -> Candidate | None:
@@ -92,6 +97,20 @@ class Advice:
         if self.one is None or self.two is None:
             return self.one or self.two
         return self.two if self.two.gain >= self.one.gain + WORTH else self.one
+
+    @property
+    def more_slots(self) -> dict[int, float]:
+        """K → what codes of more slots than the best gained over it in the survey, dB; of those with as many buckets,
+        the best of each K."""
+        family, own = family_of(self.best.design.kind), (self.best.design.kind, self.best.design.slots)
+        before = next((c.gain for c in self.surveyed if (c.design.kind, c.design.slots) == own), None)
+        if before is None:
+            return {}
+        gains: dict[int, float] = {}
+        for each in self.surveyed:
+            if family_of(each.design.kind) == family and each.design.slots > own[1]:
+                gains[each.design.slots] = max(gains.get(each.design.slots, -inf), each.gain - before)
+        return dict(sorted(gains.items()))
 
     @property
     def finals(self) -> list[Candidate]:
@@ -119,6 +138,7 @@ def advise(
     survey: Effort = SURVEY,
     effort: Effort | None = None,
     throughput: float | None = None,
+    within: float = WITHIN,
     seed: int = 0,
     progress: Progress | None = None,
     **camera: Any,
@@ -139,6 +159,8 @@ def advise(
         effort: of the last searches; one descent where pixels are read twice, as each of its steps takes as long as
             four.
         throughput: share of light that all codes shall let through, kinds that cannot are left out; free if None.
+        within: share of the largest gain in the survey that codes of fewer slots may lack to be taken, or ``WORTH`` dB
+            where that is more.
         seed: of the random codes.
         progress: called with the share that is done and what is done.
         camera: ``camera_type`` and further arguments of it, see ``designable``.
@@ -158,10 +180,10 @@ def advise(
     part = Parts(progress, _lengths(plan, families, survey, effort))
     surveyed = task.surveyed(plan, survey, part)
     final = task.candidate("static", 1, effort, part("static"), surveyed[:1])
-    best = {family: task.searched_on(_best(surveyed[1:], family), final, effort, part) for family in families}
+    best = {family: task.searched_on(_best(surveyed[1:], family, within), final, effort, part) for family in families}
     surveyed.sort(key=lambda candidate: candidate.design.kind == BURST)  # the rival last
     found = (best.get("one"), best.get("two"), best.get(BURST))
-    return Advice(final, surveyed, *found, task.noise, sheet, out, throughput)
+    return Advice(final, surveyed, *found, task.noise, sheet, out, throughput, within)
 
 
 def _last(family: str, effort: Effort) -> Effort:
@@ -193,11 +215,11 @@ def _starts_of(candidates: Sequence[Candidate], kind: str, slots: int) -> list[C
     return [min(fewer, key=lambda c: c.design.mse), *(c for c in divisors if c.design.slots == slots)]
 
 
-def _best(candidates: Sequence[Candidate], family: str) -> Candidate:
-    """Of those of a family within ``WORTH`` of the largest gain, the one with the fewest slots."""
+def _best(candidates: Sequence[Candidate], family: str, within: float) -> Candidate:
+    """Of those of a family within ``WORTH``, or a share, of the largest gain, the one with the fewest slots."""
     candidates = [c for c in candidates if family_of(c.design.kind) == family]
     top = max(c.gain for c in candidates)
-    near = [c for c in candidates if c.gain >= top - WORTH]
+    near = [c for c in candidates if c.gain >= top - max(WORTH, within * top)]
     return min(near, key=lambda c: (c.design.slots, -c.gain))
 
 

@@ -43,6 +43,7 @@ class Task:
         designs: folder where designs are kept.
         views: (V, U) of a light-field camera; None of a spectral one.
         identity: what names the kept files beside these: where the examples and the source of the numbers come from.
+        static: times the descents of static codes; by default they have the effort of all that free codes contain.
     """
 
     examples: Examples
@@ -53,6 +54,7 @@ class Task:
     designs: Path
     views: tuple[int, int] | None
     identity: Mapping[str, Any]
+    static: int = _STATIC
 
     @classmethod
     def of(cls, cell: Mapping[str, Any], light: float | None = None) -> Task:
@@ -60,7 +62,7 @@ class Task:
 
         Args:
             cell: ``examples`` (folder of `save_examples`), ``sensor`` (arguments of `Sensor`), ``exposures`` that are
-                accumulated, ``period``, ``effort``, ``seed``, ``designs``, ``source`` and ``views``.
+                accumulated, ``period``, ``effort``, ``seed``, ``designs``, ``source``, ``views`` and ``static``.
             light: mean irradiance that the examples are dimmed to, or lit to as far as white; as they are if None.
         """
         folder, views = Path(cell["examples"]), cell.get("views")
@@ -72,7 +74,7 @@ class Task:
         return cls(
             examples, Noise(noise.read / times, noise.shot / times), (int(rows), int(columns)),
             Effort(**cell["effort"]), int(cell["seed"]), Path(cell["designs"]),
-            None if views is None else (int(views[0]), int(views[1])), identity,
+            None if views is None else (int(views[0]), int(views[1])), identity, int(cell.get("static", _STATIC)),
         )  # fmt: skip
 
     @cached_property
@@ -97,12 +99,13 @@ class Task:
 
     def design(self, kind: str, slots: int) -> Design:
         """The best codes of a kind, searched once. Free ones and those of two buckets start from what they contain;
-        static ones have as many descents as the free ones of eight slots with all that these contain."""
+        static ones have as many descents as the free ones of eight slots with all that these contain, unless the task
+        says otherwise."""
         file = self.file(kind, slots)
         if file.exists():
             return self._stored(file, kind)
         starts = [self.design(*other).camera for other in _contained(kind, slots)]
-        more = {"descents": _STATIC * self.effort.descents} if kind == "static" else {}
+        more = {"descents": self.static * self.effort.descents} if kind == "static" else {}
         best = self.search(kind, slots, starts, **more)
         notes = {"mse": best.mse, "random": best.random, "seconds": best.seconds}
         codes = best.camera.codes
@@ -121,6 +124,7 @@ class Task:
         """Where the best codes of a kind are kept."""
         named = {"kind": kind, "slots": slots, "seed": self.seed, "effort": vars(self.effort), "period": self.period}
         named |= {"noise": vars(self.noise), **self.identity}
+        named |= {} if self.static == _STATIC else {"static": self.static}
         digest = hashlib.sha256(json.dumps(named, sort_keys=True).encode()).hexdigest()[:20]
         return self.designs / f"{kind}-{slots}-{digest}.nc"
 

@@ -9,9 +9,11 @@ _FACE = {
     "SpectralDepthEvaluation": "spectral_depth",
     "SpectralEvaluation": "spectral",
     "Study": "study",
+    "StudyResults": "outcome",
     "Sweep": "sweep",
     "checked_study": "study",
     "evaluation_of": "camera",
+    "own_study": "own",
     "read_study": "study",
     "run_study": "run",
     "run_sweep": "sweep",
@@ -25,3 +27,7 @@ def __getattr__(name: str) -> Any:
     if name in _FACE:
         return getattr(import_module(f"{__name__}.{_FACE[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

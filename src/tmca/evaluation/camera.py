@@ -245,7 +245,8 @@ class CameraEvaluation:
         period = list(tile_of(study.search.get("period")) or study.tile())
         about = {"kind": code.search.kind, "slots": code.search.slots, "period": period}
         return {**about, **self.searching(study.reading), "effort": study.search["effort"],
-                "examples": lists.priors[EXAMPLES], "gains": True}  # fmt: skip
+                "examples": lists.priors[EXAMPLES], "gains": True,
+                **{name: study.search[name] for name in ("gains", "static") if name in study.search}}  # fmt: skip
 
     def searching(self, reading: Settings) -> Settings:
         """What searches of codes take from how scenes are read."""
@@ -283,16 +284,18 @@ class CameraEvaluation:
 
     def build(self, parts: Settings, settings: Settings, sensor: Settings, codes: str | None = None) -> Any:
         """A camera of settings, the codes of a file among them, and of what it takes from a scene."""
-        own = {**parts, **({} if codes is None else self.coded(codes)), **settings, "sensor": Sensor(**sensor)}
+        shown = {} if codes is None else self.coded(codes, parts)
+        own = {**parts, **shown, **settings, "sensor": Sensor(**sensor)}
         preset, cls = own.pop("preset", None), CAMERAS[self.kind]
         arguments = signature(cls).parameters
         if "seed" not in arguments and not any(one.kind is one.VAR_KEYWORD for one in arguments.values()):
             own.pop("seed", None)
         return cls(**own) if preset is None else cls.from_preset(preset, **own)
 
-    def coded(self, codes: str) -> Settings:
-        """Arguments of the camera that shows the codes of a file."""
-        return read_codes(codes).settings()
+    def coded(self, codes: str, parts: Settings) -> Settings:
+        """Arguments of the camera that shows the codes of a file, or of a snapshot. Those of a whole frame repeat, at
+        another size than their own."""
+        return read_codes(codes).at(parts.get("size")).settings()
 
     # steps
 
@@ -303,7 +306,8 @@ class CameraEvaluation:
 
         scenes = {name: self.load(name, cell["reading"]) for name in cell["scenes"]}
         if cell["prior_kind"] == EXAMPLES:
-            learn_examples_of({short: scenes[name] for name, short in short_names([*scenes]).items()}, path)  # type: ignore[misc]
+            named: Any = {short: scenes[name] for name, short in short_names([*scenes]).items()}
+            learn_examples_of(named, path, cell["settings"].get("most"))
             return path
         file = path.with_suffix(".nc")
         learn_prior([*scenes.values()], None, cell["prior_kind"], **cell["settings"]).save(file, overwrite=True)
@@ -355,6 +359,10 @@ class CameraEvaluation:
             code: sign * mean([one["best"][self.metric] for one in own])
             for (code,), own in grouped(validated, "code").items()
         }
+
+    def truth(self, study: Study, cell: Measured) -> Any:
+        """The scene of a measured cell, brought to its estimate."""
+        return self.load(cell["source"], cell["reading"], measured=True)
 
     def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
         """Pictures of the estimates of a scene, by the endings in ``pictures``."""

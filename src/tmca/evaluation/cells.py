@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from tmca.decoders import OtherCodes, decode, decoders
 from tmca.devices import computing_on
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
+from tmca.lab.decoder_files import decoder_named
 from tmca.plugins import foreign_source
 from tmca.priors import prior_kinds
 
@@ -240,8 +241,11 @@ STEPS: Mapping[str, type[Cell]] = {
 }
 
 
-def compute(cell: Settings, folder: str, device: str | None = None) -> Measured:
-    """A cell of any kind, by its ``step``; ``folder`` takes its files, and ``device`` is where it is decoded."""
+def compute(cell: Settings, folder: str, device: str | None = None, files: Sequence[str] = ()) -> Measured:
+    """A cell of any kind, by its ``step``; ``folder`` takes its files, ``device`` is where it is decoded, and decoders
+    of ``files`` are those that were named where the cells are sent from."""
+    for file in files:
+        decoder_named(file)
     checked = STEPS[cell["step"]].model_validate(cell)
     with computing_on(device):
         return checked.compute(evaluation_of(checked.camera), Path(folder))

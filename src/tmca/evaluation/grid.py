@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import signal
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from functools import cache
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 from warnings import simplefilter, warn
@@ -28,6 +23,7 @@ from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.plugins import BrokenPlugin, source_digest
+from tmca.workers import in_processes
 
 _DIGEST = "digest"
 """Entry of a cell's file: of all the others."""
@@ -41,7 +37,12 @@ Timed = Callable[[int, int, str, float], None]
 
 
 class CellsFailed(TmcaError):
-    """Some cells of a grid could not be computed; the results of the others stay on disk."""
+    """Some cells of a grid could not be computed; the results of the others stay on disk.
+
+    ``results`` is what a study made of them, None where there was nothing.
+    """
+
+    results: Measured | None = None
 
 
 class DamagedCell(UserWarning):
@@ -108,6 +109,7 @@ class Grid:
             name, done = names[waiting[file]], done + 1
             if failed:
                 self.failed.append((name, file.with_suffix(".error.txt")))
+                name = f"{name}: failed, {_reason(self.failed[-1][1])}"
             elif (cell := _finished(file)) is not None:
                 measured[file] = cell
             if self.progress:
@@ -119,13 +121,18 @@ class Grid:
     def check(self) -> None:
         """Raise CellsFailed if cells raised: the message names the first, the folder holds every traceback."""
         if self.failed:
-            named = ", ".join(name for name, _ in self.failed[:3])
+            named, more = ", ".join(name for name, _ in self.failed[:3]), ", …" if len(self.failed) > 3 else ""
+            reason = _reason(self.failed[0][1])
             raise CellsFailed(
                 self.folder,
-                f"{len(self.failed)} of {self.total} cells failed ({named}{', …' if len(self.failed) > 3 else ''})",
+                f"{len(self.failed)} of {self.total} cells failed ({named}{more}: {reason})",
                 "",
                 f"see {self.failed[0][1]}; a rerun computes only what is missing",
             )
+
+    def reasons(self) -> dict[str, str]:
+        """Name of every cell that failed → why."""
+        return {name: _reason(trouble) for name, trouble in self.failed}
 
     def _outcomes(self, work: Sequence[Work]) -> Iterator[tuple[int, bool]]:
         """Places of the cells as they end, and whether they failed."""
@@ -136,17 +143,14 @@ class Grid:
             for place, cell in enumerate(work):
                 yield place, _one_cell(*cell)
             return
-        with ProcessPoolExecutor(self.jobs, get_context("spawn"), initializer=_worker, initargs=(os.getpid(),)) as pool:
-            running = {pool.submit(_cell_of_a_worker, *cell): place for place, cell in enumerate(work)}
-            try:
-                for future in as_completed(running):
-                    yield running[future], future.result()
-            except BaseException:
-                workers = list((pool._processes or {}).values())
-                pool.shutdown(wait=False, cancel_futures=True)
-                for worker in workers:
-                    worker.terminate()  # a training writes a checkpoint first
-                raise
+        yield from in_processes(_one_cell, work, self.jobs, _without_warnings)
+
+
+def _reason(trouble: Path) -> str:
+    """The last line of a traceback, without the module of the error's class."""
+    lines = trouble.read_text(encoding="utf-8").rstrip().splitlines() if trouble.exists() else []
+    kind, colon, said = (lines[-1] if lines else "no traceback").partition(": ")
+    return f"{kind.rpartition('.')[2]}{colon}{said}"
 
 
 def run_cells(
@@ -202,28 +206,9 @@ def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iter
             yield place, True
 
 
-def _worker(parent: int) -> None:
-    """One thread for the numbers, and another that stops the work when its parent is gone."""
-    import torch
-
-    torch.set_num_threads(1)
+def _without_warnings() -> None:
     for said_before in (SceneWarning, BrokenPlugin):  # where scenes were opened, and decoders looked up, first
         simplefilter("ignore", said_before)
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(1)
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _cell_of_a_worker(cell: Settings, file: Path, compute: Compute) -> bool:
-    """A cell; a process that is asked to stop takes no other one."""
-    try:
-        return _one_cell(cell, file, compute)
-    except KeyboardInterrupt:
-        os._exit(130)
 
 
 def _one_cell(cell: Settings, file: Path, compute: Compute) -> bool:

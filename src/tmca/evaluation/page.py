@@ -70,7 +70,7 @@ def _search(cell: Measured) -> Row:
 
 def picture_names(study: Study, scenes: Iterable[str]) -> dict[str, str]:
     """File → caption of the pictures of scenes."""
-    kinds = study.evaluation.pictures.items()
+    kinds = () if study.figure else study.evaluation.pictures.items()
     return {
         "_".join(filter(None, (study.name, slug(scene), kind))) + ".png": f"{caption} ({scene})"
         for scene in scenes for kind, caption in kinds
@@ -90,7 +90,8 @@ def write_pictures(study: Study, measured: Sequence[Measured], out: Path, overwr
     figures = study.evaluation.study_figures(study, own)
     for name, figure in figures.items():
         save_figure(figure, out / f"{study.name}_{name}.png", overwrite=overwrite)
-    for (scene,), cells in grouped([cell for cell in own if cell.get("estimate")], "scene").items():
+    pictured = [] if study.figure else [cell for cell in own if cell.get("estimate")]
+    for (scene,), cells in grouped(pictured, "scene").items():
         drawn = study.evaluation.scene_figures(study, cells)
         for name, kind in zip(picture_names(study, [scene]), study.evaluation.pictures, strict=True):
             save_figure(drawn[kind], out / name, overwrite=overwrite, dpi=80)
@@ -151,6 +152,9 @@ def sections(found: Row, study: Study) -> Iterator[Section]:
         yield _rows(f"On a crop of {size}", crops, study)
     made = (_published, _multiplexed, _pairs, _decoders)
     yield from (section for make in made for section in make(found, study))
+    if failed := [{"name": name, "reason": reason} for name, reason in found.get("failed", {}).items()]:
+        text = "Rows without these cells are means over the others."
+        yield Section("What failed", [text], failed, [("name", "cell", ""), ("reason", "why", "")])
     searches = [
         {"code": code, "noise": noise, **means(_numbers(one) for one in own)}
         for (code, noise), own in grouped(found["searches"], "code", "noise").items()

@@ -9,14 +9,19 @@ from typing import Any
 
 from tmca.data import held_folder, make_folder
 from tmca.data.scene_names import identity_of, named_scenes, short_names
+from tmca.decoders import decoders
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
-from tmca.evaluation.grid import Grid, Measured, Settings, Timed
+from tmca.evaluation.grid import CellsFailed, Grid, Measured, Settings
+from tmca.evaluation.outcome import StudyResults
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
+from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
-from tmca.evaluation.tables import Row, Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.evaluation.tables import Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.lab.decoder_files import loaded
+from tmca.progress import Asked, counting
 
 
 def run_study(
@@ -28,9 +33,9 @@ def run_study(
     cluster: Settings | None = None,
     device: str | None = None,
     overwrite: bool = False,
-    progress: Timed | None = None,
+    progress: Asked = None,
     command: Sequence[str] = (),
-) -> Row:
+) -> StudyResults:
     """Measure every code, noise and decoder of a study on its test scenes.
 
     Args:
@@ -41,11 +46,12 @@ def run_study(
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
-        progress: called with (done, all, name, seconds left) after each cell.
+        progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
+            one that is shown after a second in a terminal or a notebook.
         command: how the run was called, written into the results.
 
     Returns:
-        What the JSON file holds.
+        What the JSON file holds, as a dictionary that a notebook shows as a table with bars.
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
@@ -65,22 +71,31 @@ def run_study(
         raise SettingError("--test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
     names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
-    check_new([out / name for name in (*files, *picture_names(study, names.values()))], overwrite)
+    files += [*picture_names(study, names.values()), *paper_files(study, [*names.values()])]
+    check_new([out / name for name in files], overwrite)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
-    with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
+    with held_folder(work), counting(progress, f"study {study.name}") as report:
+        computing = partial(compute, folder=str(work), device=device, files=loaded(study.decoders))
+        grid = Grid(computing, work, jobs, cluster, report)
         plan = Plan(study, train, study.evaluation.places(study, names, test), validation, work)
         measured = _measured(plan, grid, test)
         if not any("metrics" in cell for cell in measured):
             grid.check()
         split: Split = {"train": train, "test": test, "names": names, "validation": validation}
-        found = results(study, measured, split, command)
+        found = results(study, measured, split, command) | {"failed": grid.reasons()}
         rows = found["rows"]
         columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
         write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
-        grid.check()
+        merit = study.evaluation.metric
+        found = StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))
+        write_paper(study, found, measured, out, overwrite)
+        try:
+            grid.check()
+        except CellsFailed as failed:
+            failed.results = found
+            raise
     return found
 
 
@@ -106,6 +121,8 @@ def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:
 Files = Mapping[tuple[str, str, int], str]
 """Files of searched codes by code, noise and seed of the row."""
 Need = tuple[str, str, int]
+_EXAMPLE = 256
+"""Pixels of a side of rendered scenes that codes are searched for, at most."""
 
 
 class Plan:
@@ -135,13 +152,22 @@ class Plan:
         kinds = {study.prior_kind(name) for name in study.decoders} | set(self.evaluation.always_learned)
         kinds |= {EXAMPLES} if any(code.search and code.search.kind for code in study.codes.values()) else set()
         return [
-            LearnedPrior(
-                name=kind if kind == EXAMPLES else f"{kind} prior", camera=study.camera, prior_kind=kind,
-                scenes=tuple(self.train), identities=self.identities[: len(self.train)], reading=self.reading,
-                settings={} if kind == EXAMPLES else self._prior_settings(kind),
-            )
-            for kind in sorted(kind for kind in kinds if kind is not None and self.train)
-        ]  # fmt: skip
+            self._learned(kind, self.train or self.examples)
+            for kind in sorted(kind for kind in kinds if kind is not None)
+            if self.train or kind == EXAMPLES
+        ]
+
+    @property
+    def examples(self) -> list[str]:
+        """Rendered scenes that codes are searched for where a study has none to learn from; none that is measured."""
+        return sorted({*self.evaluation.rendered().get("train", ())} - {place.source for place in self.places})
+
+    def _learned(self, kind: str, scenes: Sequence[str]) -> LearnedPrior:
+        return LearnedPrior(
+            name=kind if kind == EXAMPLES else f"{kind} prior", camera=self.study.camera, prior_kind=kind,
+            scenes=tuple(scenes), identities=tuple(identity_of(name) or name for name in scenes), reading=self.reading,
+            settings=({} if self.train else {"most": _EXAMPLE}) if kind == EXAMPLES else self._prior_settings(kind),
+        )  # fmt: skip
 
     def _prior_settings(self, kind: str) -> Settings:
         study = self.study
@@ -197,7 +223,7 @@ class Plan:
             for name, code, noise, decoder, seed in rows
             if code.learn is None and not self._twin(code, noise)
             and (code.search is None or (name, noise, seed) in codes)
-            for cell in self._row(name, noise, decoder, seed, priors, codes=codes.get((name, noise, seed)))
+            for cell in self._row(name, noise, decoder, seed, priors, codes=code.file or codes.get((name, noise, seed)))
         ]  # fmt: skip
 
     def _twin(self, code: Code, noise: str) -> bool:
@@ -224,7 +250,8 @@ class Plan:
             yield Measurement(
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
-                source=place.source, identity=_identity(place.identity, options), reading=place.reading,
+                source=place.source, identity=_identity(place.identity, decoder, options, chosen.file),
+                reading=place.reading,
                 settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes, part=place.part,
                 motion={} if study.motion is None else study.motion.model_dump(),
@@ -299,7 +326,8 @@ class Plan:
         return cells
 
 
-def _identity(scene: Any, options: Settings) -> Any:
-    """What tells that a scene, or the weights that a decoder is given, have changed."""
-    weights = options.get("weights")
-    return scene if weights is None else [scene, identity_of(str(weights))]
+def _identity(scene: Any, decoder: str, options: Settings, codes: str | None) -> Any:
+    """What tells that a scene, or a file of codes, of a decoder or of its weights has changed."""
+    program = getattr(decoders().get(decoder), "file", None)
+    files = [str(file) for file in (options.get("weights"), program, codes) if file is not None]
+    return [scene, *map(identity_of, files)] if files else scene

@@ -11,6 +11,7 @@ import torch
 from tmca.applications.example_scenes import judge_on
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
+from tmca.data.fitting import middle_of
 from tmca.design import (
     MaskEffort,
     MaskTask,
@@ -28,11 +29,17 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def learn_examples_of(scenes: Mapping[str, xr.DataArray], folder: Path) -> None:
-    """Examples of cubes or light fields, by their short names, that codes are searched for."""
+def learn_examples_of(scenes: Mapping[str, xr.DataArray], folder: Path, most: int | None = None) -> None:
+    """Examples of cubes or light fields, by their short names, that codes are searched for: of their middle, of so many
+    pixels a side at most."""
     from tmca.data import make_folder
     from tmca.priors import views_of
 
+    if most is not None:
+        scenes = {
+            name: middle_of(scene, (min(most, scene.sizes["y"]), min(most, scene.sizes["x"])), name)
+            for name, scene in scenes.items()
+        }
     first = next(iter(scenes.values()))
     if "view_v" in first.dims:
         grid = (first.sizes["view_v"], first.sizes["view_u"])

@@ -118,7 +118,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
         """See ``CameraEvaluation``; bands are the preset's."""
         return {"size": (scene.sizes["y"], scene.sizes["x"])}
 
-    def coded(self, codes: str) -> Settings:
+    def coded(self, codes: str, parts: Settings) -> Settings:
         return read_phase_codes(codes)
 
     def learn(self, cell: Settings, path: Path) -> Path:
@@ -331,6 +331,11 @@ class SpectralDepthEvaluation(CameraEvaluation):
         columns = [("noise", "noise", ""), ("decoder", "decoder", ""), ("codes", "codes", "d")]
         columns += [(name, heading, "+.2f") for name, heading, _ in PREDICTED]
         yield Section("The order of the codes", [text], order(found, study.decoder_labels), columns)
+
+    def truth(self, study: Study, cell: Measured) -> xr.Dataset:
+        """See ``CameraEvaluation``; the middle that is compared."""
+        scene = self.load(cell["source"], cell["reading"], measured=True)
+        return middle_of(scene, _size(cell["reading"]["crop"]), cell["scene"])
 
     def scene_figures(self, study: Study, cells: Sequence[Measured]) -> dict[str, Figure]:
         """See ``CameraEvaluation``: depth maps and spectra of the rows of a scene."""

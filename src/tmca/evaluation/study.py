@@ -17,6 +17,7 @@ from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.study_parts import Code, Motion, PublishedTable, Scenes, StudyNetwork, TrainStage
 from tmca.evaluation.tables import decoder_labels
 from tmca.sensor import Sensor
+from tmca.summaries import Summary
 from tmca.yaml_files import read_yaml
 
 SHIPPED = Path(__file__).parent / "studies"
@@ -25,7 +26,7 @@ INHERITED = ("settings", "options", "networks", "labels", "search", "train", "pr
 """What a study has from the shipped one of its camera where it says nothing."""
 
 
-class Study(BaseModel):
+class Study(Summary, BaseModel):
     """What is compared.
 
     Args:
@@ -35,6 +36,7 @@ class Study(BaseModel):
         about: paragraphs of the page; entries of the results stand in braces: ``{split[train]}``.
         about_networks: one more, where networks are trained.
         page: also measure the camera's scenes of known geometry.
+        figure: draw truth and estimates of every scene side by side for a paper, and write a page about all.
         scenes: to learn from, to measure.
         reading: how they are read; see the camera's ``Reading``.
         settings: of the camera, for all codes.
@@ -63,6 +65,7 @@ class Study(BaseModel):
     about: tuple[str, ...] = ()
     about_networks: str = ""
     page: bool = False
+    figure: bool = False
     scenes: Scenes = Scenes()
     reading: Settings = {}
     settings: Settings = {}
@@ -87,6 +90,15 @@ class Study(BaseModel):
     bases: dict[str, tuple[str, ...]] = {}
     published: PublishedTable | None = None
 
+    def _facts(self) -> dict[str, str]:
+        return {
+            "study": f"{self.name}, {self.camera} camera",
+            "codes": ", ".join(self.codes),
+            "noises": ", ".join(self.noises),
+            "decoders": ", ".join(self.decoders),
+            "scenes": ", ".join(name for name, _ in zip(self.scenes.test, range(6), strict=False)),
+        }
+
     def tile(self) -> tuple[int, int]:
         """(rows, columns) of the period of searched and learned codes."""
         tile = tile_of(self.settings.get("period"))
@@ -100,6 +112,8 @@ class Study(BaseModel):
         application_of(self.camera)
         for name, code in self.codes.items():
             self._dead_time(name, code)
+            if code.file is not None and not Path(code.file).is_file():
+                raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
             if code.search and code.search.noise is not None:
                 check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
             if code.learn and code.learn.start is not None:
@@ -200,11 +214,15 @@ def read_study(path: str | Path) -> Study:
     if (SHIPPED / f"{path}.yaml").exists():
         return checked_study({"name": str(path), **_described(SHIPPED / f"{path}.yaml")}, str(path))
     described = _described(Path(path))
-    camera = str(described.get("camera"))
+    usual = usual_settings(str(described.get("camera")))
+    return checked_study({"name": Path(path).stem, **merged(usual, described)}, str(path))
+
+
+def usual_settings(camera: str) -> Settings:
+    """What a study has from the shipped one of its camera where it says nothing."""
     shipped = SHIPPED / f"{camera}.yaml"
     usual = _described(shipped) if shipped.exists() else {}
-    usual = {name: value for name, value in usual.items() if name in INHERITED}
-    return checked_study({"name": Path(path).stem, **merged(usual, described)}, str(path))
+    return {name: value for name, value in usual.items() if name in INHERITED}
 
 
 def _described(file: Path) -> Settings:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from tmca.codes import BURST
+from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
 
@@ -75,16 +76,25 @@ class Code(Strict):
 
     Args:
         camera: settings of the camera, beside those of all codes.
+        file: of codes of `tmca design`, or a snapshot whose codes they are.
         search, learn: where they are searched or learned.
         train: whether networks are trained behind them.
         dead_time: share of every slot in which no bucket collects light, in hundredths: the readouts of a burst.
     """
 
     camera: Settings = {}
+    file: str | None = None
     search: SearchedCodes | None = None
     learn: LearnedCodes | None = None
     train: bool = True
     dead_time: Annotated[float, Field(ge=0, le=0.99), AfterValidator(_hundredths)] = 0.0
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Code:
+        """Codes of a file are not made."""
+        if self.file is not None and (self.search or self.learn):
+            raise SettingError("file", "codes of a file that are searched or learned", "one of them")
+        return self
 
     @property
     def one_slot(self) -> bool:

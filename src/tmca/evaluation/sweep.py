@@ -13,7 +13,7 @@ from tmca.decoders import decoders
 from tmca.evaluation.axes import Point, Sweep
 from tmca.evaluation.camera import EXAMPLES
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
-from tmca.evaluation.grid import Grid, Measured, Settings, Timed
+from tmca.evaluation.grid import Grid, Measured, Settings
 from tmca.evaluation.study import merged
 from tmca.evaluation.study_parts import TrainStage
 from tmca.evaluation.tables import (
@@ -25,8 +25,10 @@ from tmca.evaluation.tables import (
     repository_commit,
     write_table,
 )
+from tmca.lab.decoder_files import loaded
 from tmca.plots.curves import sweep_figure
 from tmca.plots.style import save_figure
+from tmca.progress import Asked, counting
 
 __all__ = ["Sweep", "run_sweep"]
 
@@ -69,7 +71,7 @@ def run_sweep(
     cluster: Settings | None = None,
     device: str | None = None,
     overwrite: bool = False,
-    progress: Timed | None = None,
+    progress: Asked = None,
     command: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Measure every combination of the varied settings.
@@ -82,7 +84,8 @@ def run_sweep(
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
         overwrite: replace results.
-        progress: called with (done, all, name, seconds left) after each cell.
+        progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
+            one that is shown after a second in a terminal or a notebook.
         command: how the run was called.
 
     Raises:
@@ -99,8 +102,11 @@ def run_sweep(
     sweep.evaluation.check_scenes([*sweep.train, *sweep.validation], sweep.scenes, sweep.reading)
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
-    with held_folder(work):
-        grid = Grid(partial(compute, folder=str(work), device=device), work, jobs, cluster, progress)
+    with held_folder(work), counting(progress, f"sweep {out.name}") as report:
+        computing = partial(
+            compute, folder=str(work), device=device, files=loaded({str(point["decoder"]) for point in points})
+        )
+        grid = Grid(computing, work, jobs, cluster, report)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])
         if not rows:
@@ -156,6 +162,8 @@ def _measurements(
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
             files = (codes, options.get("weights"))
             identity = [identity_of(source), *(identity_of(str(file)) if file else None for file in files)]
+            program = getattr(decoders().get(point["decoder"]), "file", None)
+            identity += [] if program is None else [identity_of(program)]
             cells.append(Measurement(**about, identity=identity, **common))
     return cells
 

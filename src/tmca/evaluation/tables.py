@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypedDict
 
 from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
+from tmca.plugins import names_a_file
 
 if TYPE_CHECKING:
     from tmca.evaluation.study import Study
@@ -62,6 +63,10 @@ def check_counts(**counts: int) -> None:
 def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     """Raises SettingError unless there are decoders, all of them known."""
     unknown = [name for name in decoders if name not in known]
+    for name in unknown:
+        if names_a_file(name):
+            remedy = f"pass --decoders {name} if you trust it"
+            raise SettingError("decoders", f"{name}, which is code", "code that the command line names", remedy)
     if unknown or not decoders:
         raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
 

@@ -35,3 +35,7 @@ __all__ = [
     "uiqi",
     "within_bin",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -37,3 +37,7 @@ __all__ = [
     "sparse_matrix",
     "sum_by_channel",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -68,3 +68,7 @@ __all__ = [
     "view_coordinates",
     "view_grid",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

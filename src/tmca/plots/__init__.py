@@ -34,3 +34,7 @@ __all__ = [
     "shown_level",
     "srgb_picture",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -187,10 +187,11 @@ def reconstruction_figure(
     errors = {} if truth is None else {name: rms(cube - truth) for name, cube in estimates.items()}
     predicted = {name: rms(deviations[name]) for name in estimates if name in deviations}
     maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
-    look: dict[str, Any] = {"colours": "magma", "bar": _UNIT}
+    look: dict[str, Any] = {"colours": "magma"}
     look["top"] = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
     true = {"truth": truth} if truth is not None else {}
     for column, (name, cube) in zip(axes[:, 1:].T, estimates.items(), strict=False):
+        look["bar"] = _UNIT if name == list(estimates)[-1] else ""
         image(column[0], rgb_composite(cube, wavelengths, white), captioned(name, cube, truth))
         if name in errors:
             image(column[1], errors[name], "error (rms over bands)", **look)
@@ -200,7 +201,7 @@ def reconstruction_figure(
         elif predicted:
             below.text(0.5, 0.5, "no error predicted", ha="center", va="center", color="#777777")
         if many:
-            spectra(column[-1], {**true, name: cube}, wavelengths, points)
+            spectra(column[-1], {**true, "estimate": cube}, wavelengths, points)
     if not many:
         spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
     return figure

@@ -14,10 +14,11 @@ from tmca.data.light_field_scenes import load_light_field
 from tmca.data.scene_names import READING
 from tmca.data.scenes import load_scene
 from tmca.errors import check_shape
-from tmca.plots.cube import reconstruction_figure
+from tmca.plots.cube import reconstruction_figure, rgb_composite
 from tmca.plots.depth import depth_figure
 from tmca.plots.light_field import light_field_figure
-from tmca.plots.style import image_figure
+from tmca.plots.style import bright_level, image_figure
+from tmca.plots.thumbnails import Panel, row_figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,6 +50,37 @@ def estimate_figure(estimate: xr.Dataset, truth: Any = None, limits: tuple[float
     axes = first["estimate"].dims
     draw = _cube if "wavelength" in axes else _views if "view_v" in axes else _other
     return draw(first, scene)
+
+
+def estimate_thumbnail(estimate: xr.Dataset) -> Figure:
+    """A small row of pictures: the scene in its colours, then depth or the predicted deviation where there is one.
+
+    Args:
+        estimate: as ``Estimate.to_xarray`` labels it; of several snapshots the first, of several slots the mean.
+    """
+    first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
+    first = first.mean("slot", keep_attrs=True) if "slot" in first.dims else first
+    values = first["radiance" if "radiance" in first else "estimate"]
+    panels = [Panel("estimate", _colours(values))]
+    if "depth" in first:
+        panels.append(Panel("depth", first["depth"].values, "viridis", "m", low=None))
+    if "deviation" in first:
+        rows = first["deviation"]
+        spread = rows.mean([name for name in rows.dims if name not in ("y", "x")]).values
+        panels.append(Panel("predicted deviation", spread, "magma", "mean over channels"))
+    return row_figure(panels)
+
+
+def _colours(values: xr.DataArray) -> np.ndarray:
+    """A picture of a cube, the view in the middle of a light field, or the mean of what else there is."""
+    if "wavelength" in values.dims:
+        return rgb_composite(values.values, values["wavelength"].values.tolist())
+    if "view_v" in values.dims:
+        middle = values.isel(view_v=values.sizes["view_v"] // 2, view_u=values.sizes["view_u"] // 2)
+        level = bright_level(middle.values)
+        shown = np.clip(middle.transpose("y", "x", ...).values / level, 0, 1)
+        return np.asarray(shown ** (1 / 2.2))
+    return np.asarray(values.values.reshape(-1, *values.shape[-2:]).mean(0))
 
 
 def _read(source: str, estimate: xr.Dataset, limits: tuple[float, float] | None) -> Scene:

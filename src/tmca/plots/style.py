@@ -23,9 +23,11 @@ GREY = "0.75"
 COLOURS = (BLUE, RED, "#edae49", "#66a182", "#8d6a9f")
 _BAR = 0.12
 """Inches across a colour bar, at least."""
+_DENSITY, _WIDEST = 110, 13.0
+"""Pixels an inch; inches beyond which the smallest text would be under 9 px on a page of 1150 px."""
 
 
-def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dpi: int = 110) -> Path:
+def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dpi: float | None = None) -> Path:
     """Write a figure as PNG, PDF or SVG, by its suffix, whole or not at all.
 
     Raises:
@@ -35,7 +37,7 @@ def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dp
 
     check_picture(path)
     with atomic_path(path, overwrite=overwrite) as temporary:
-        figure.savefig(temporary, dpi=dpi, format=Path(path).suffix[1:].lower(), facecolor="white")
+        figure.savefig(temporary, dpi=dpi or figure.dpi, format=Path(path).suffix[1:].lower(), facecolor="white")
     return Path(path)
 
 
@@ -46,10 +48,14 @@ def check_picture(path: str | Path) -> None:
 
 
 def blank_figure(width: float, height: float) -> Figure:
-    """An empty figure of so many inches, whose axes and texts keep clear of each other."""
+    """An empty figure of so many inches, whose axes and texts keep clear of each other.
+
+    A wider one than a page can show legibly is made smaller, with as many pixels: its texts are larger beside it.
+    """
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained")
+    shrunk = min(1.0, _WIDEST / width)
+    return Figure(figsize=(width * shrunk, height * shrunk), dpi=_DENSITY / shrunk, layout="constrained")
 
 
 def panels(count: int, width: float, height: float) -> tuple[Figure, np.ndarray]:

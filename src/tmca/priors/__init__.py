@@ -3,7 +3,7 @@
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected import expected_mse, expected_psnr
-from tmca.priors.finding import NarrowBlocks, block_of, find_prior, learn_prior
+from tmca.priors.finding import NarrowBlocks, block_of, find_prior, has_rendered, learn_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
@@ -25,6 +25,7 @@ __all__ = [
     "expected_mse",
     "expected_psnr",
     "find_prior",
+    "has_rendered",
     "interpolation",
     "learn_prior",
     "load_prior",
@@ -32,3 +33,7 @@ __all__ = [
     "prior_kinds",
     "views_of",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

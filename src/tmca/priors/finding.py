@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-import os
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from math import prod
@@ -92,9 +91,18 @@ def _check_camera(camera: Any) -> None:
         raise SettingError("camera", described(camera), "a camera, such as tmca.SpectralCamera()")
 
 
+def has_rendered(camera: Any) -> bool:
+    """Whether the rendered scenes give a prior of a camera's scenes: bands of 400 to 700 nm, a square grid of views."""
+    try:
+        _rendered_scenes(camera)
+    except SettingError:
+        return False
+    return True
+
+
 def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress: Progress) -> Prior:
     """The prior of the rendered training scenes: cached, or learned now."""
-    from tmca.data import make_folder
+    from tmca.data.folders import cache_folder, make_folder
 
     check_choice("kind", kind, prior_kinds())
     cls = Prior.kinds[kind]
@@ -105,9 +113,8 @@ def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress
     identity |= {"source": foreign} if foreign else {}
     identity |= {"block": block or block_of(camera, kind), "learner": [kind, cls.version, _defaults(cls, camera.views)]}
     digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
-    folder = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "tmca"
     label = kind if camera.views is None else f"light-field-{kind}"
-    file = Path(os.environ.get("TMCA_CACHE", folder)) / f"rendered-{label}-{digest}.nc"
+    file = cache_folder() / f"rendered-{label}-{digest}.nc"
     if file.exists():
         try:
             return load_prior(file)

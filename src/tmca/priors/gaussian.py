@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import torch
 from torch import Tensor
@@ -15,6 +15,9 @@ from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, 
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, lower_factor, stationary_moments
 from tmca.sensor import Noise
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _SLACK, _ROWS = 1 + 1e-6, 1024
 """By which rounding may exceed a bound, and rows of a covariance that are looked at together."""
@@ -102,6 +105,23 @@ class GaussianPrior(Prior):
         (_, h, w), moments = self.block, self.displaced.to(dtype)
         channel, row, column = torch.unravel_index(pixels, self.block)
         return moments.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
+
+    def _picture(self) -> Figure:
+        """How channels vary together, and how pixels do over their distance."""
+        from tmca.plots.thumbnails import Panel, row_figure
+
+        (_, rows, columns), deviation = self.block, self.variance.sqrt().reshape(self.block)
+        if not self.stationary:
+            return row_figure([Panel("deviation of a block, mean of channels", deviation.mean(0).numpy(force=True))])
+        moments, spread = self.displaced, deviation[:, 0, 0]
+        together = moments[:, :, rows - 1, columns - 1] / (spread[:, None] * spread)
+        apart = moments.diagonal().mean(-1) / spread.square().mean()
+        limits: dict[str, Any] = {"colours": "RdBu_r", "low": -1.0, "top": 1.0}
+        panels = (
+            Panel("correlation of channels", together.numpy(force=True), **limits),
+            Panel("of pixels, by displacement", apart.numpy(force=True), bar="correlation", **limits),
+        )
+        return row_figure(panels)
 
     @classmethod
     def learn(

@@ -202,6 +202,9 @@ class GaussianMixturePrior(Prior):
         """Leading eigen-blocks, mean spectrum and eigenvalues of the mixture as one Gaussian."""
         return self.gaussian().figure()
 
+    def _picture(self) -> Any:
+        return self.base._picture()
+
     def arrays(self) -> dict[str, Tensor]:
         return self.base.arrays() | {there: getattr(self, name) for name, there in _IN_FILES.items()}
 

@@ -18,16 +18,19 @@ from tmca.attributes import Attributes, attributes_of
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
 from tmca.plugins import load_plugins, take
 from tmca.stored_numbers import finite_numbers
+from tmca.summaries import Summary, range_nm, sizes
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
 FORMAT = "tmca prior 1"
+_DRAWN, _QUICK = 4, 2000
+"""Blocks of a small picture, and most entries of one."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Prior(ABC):
+class Prior(Summary, ABC):
     """What scene blocks (L, h, w) look like.
 
     A subclass says what kind it is, and is then learned, found and read from files too; the package's ``__init__`` has
@@ -120,11 +123,34 @@ class Prior(ABC):
                 found, wanted = f"band {band} at {length * 1e9:.4g} nm", f"the camera's {seen * 1e9:.4g} nm"
                 raise SettingError(self.argument, found, wanted, "learn one at the camera's bands")
 
-    def __repr__(self) -> str:
-        lengths = self.wavelengths or ()
-        bands = f", {min(lengths) * 1e9:.4g} to {max(lengths) * 1e9:.4g} nm" if lengths else ""
-        blocks, count = "×".join(map(str, self.block)), len(self.sources)
-        return f"<{type(self).__name__} of {blocks} blocks{bands}, from {count} scene{'s'[: count != 1]}>"
+    def plot(self) -> Figure:
+        """The same as `figure`."""
+        return self.figure()
+
+    def _facts(self) -> dict[str, str]:
+        count = len(self.sources)
+        first = ", ".join(name.partition(" ")[0] for name in self.sources[:4]) + ("…" if count > 4 else "")
+        return {
+            "kind": self.kind,
+            "blocks": sizes(self.block),
+            "bands": range_nm(self.wavelengths),
+            "scenes": f"{count}: {first}" if count else "",
+        }
+
+    def in_a_line(self) -> str:
+        """Its kind and what it was learned from, in a few words."""
+        count = len(self.sources)
+        return f"{self.kind}, learned from {count} scene{'s'[: count != 1]}"
+
+    def _picture(self) -> Figure | None:
+        """Blocks that it draws, where that is quick."""
+        if prod(self.block) > _QUICK:
+            return None
+        from tmca.plots.thumbnails import Panel, row_figure
+
+        drawn = self.sample(_DRAWN, 0).flatten(1, -3).mean(1).numpy(force=True)
+        top = float(np.quantile(drawn, 0.995))
+        return row_figure([Panel(f"draw {number}", one, top=top) for number, one in enumerate(drawn, start=1)])
 
     def to(self, device: torch.device | str) -> Self:
         """The prior on a device; itself if it is there."""
@@ -138,16 +164,20 @@ class Prior(ABC):
         Raises:
             OutputError: the file exists, or cannot be written.
         """
-        import xarray as xr
-
         from tmca.data import write_dataset
+
+        return write_dataset(self.to_xarray(), path, overwrite=overwrite)
+
+    def to_xarray(self) -> xr.Dataset:
+        """What its file holds, labelled."""
+        import xarray as xr
 
         variables = {name: (self.dimensions[name], values.cpu().numpy()) for name, values in self.arrays().items()}
         about = {"format": FORMAT, "kind": self.in_files or self.kind, "sources": "\n".join(self.sources)}
         data = xr.Dataset(variables, attrs={**about, "block": list(self.block), **self.attributes()})
         if self.wavelengths is not None:
             data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), {"units": "m"}))
-        return write_dataset(data, path, overwrite=overwrite)
+        return data
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

@@ -113,6 +113,9 @@ class SubspacePrior(Prior):
         """Mean spectrum, basis, and how far components reach."""
         return self.at(self.wavelengths, (4, 8)).figure()
 
+    def _picture(self) -> Any:
+        return self.at(self.wavelengths, (4, 8))._picture()
+
     def arrays(self) -> dict[str, Tensor]:
         return {"mean": self.mean, "basis": self.basis, "autocovariance": self.moments.float()}
 

@@ -5,3 +5,7 @@ from tmca.reports.judged import judge_codes
 from tmca.reports.masks import design_spectral_depth
 
 __all__ = ["design_codes", "design_light_field", "design_spectral", "design_spectral_depth", "judge_codes"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -19,6 +19,7 @@ from tmca.design import Advice, Examples, MaskAdvice, Progress, SensorSheet, des
 from tmca.errors import DataError, SettingError, check_choice
 from tmca.optics import view_grid
 from tmca.priors import views_of
+from tmca.progress import Asked, reporting
 from tmca.reports.codes import Learned, named_once, read_scenes, search_codes
 from tmca.reports.masks import design_spectral_depth
 from tmca.sensor import Sensor
@@ -36,7 +37,7 @@ def design_codes(
     slots: Ints | None = None,
     seed: Seed = 0,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Asked = None,
     **how: Any,
 ) -> Advice | MaskAdvice:
     """Search codes for a sensor, say what they gain over static ones, and write them to a folder.
@@ -50,7 +51,8 @@ def design_codes(
         slots: numbers of slots to try; those that fit the exposure if None.
         seed: of random codes.
         overwrite: replace files that exist.
-        progress: called with the share that is done and what is done next.
+        progress: called with the share that is done and what is done next; True for a bar, False for none; None for
+            one that is shown after a second in a terminal or a notebook.
         how: further settings of a camera's search, such as ``kinds``, ``period``, ``throughput`` and ``effort``, or of
             masks ``mask``, ``learn`` and ``window``.
 
@@ -59,9 +61,10 @@ def design_codes(
     """
     check_choice("camera", camera, DESIGNS)
     sheet = _sheet(sensor)
-    advice: Advice | MaskAdvice = DESIGNS[camera](
-        sheet, Path(out), scenes=scenes, slots=slots, seed=seed, overwrite=overwrite, progress=progress, **how
-    )[0]
+    with reporting(progress, f"design {Path(out).name}") as report:
+        advice: Advice | MaskAdvice = DESIGNS[camera](
+            sheet, Path(out), scenes=scenes, slots=slots, seed=seed, overwrite=overwrite, progress=report, **how
+        )[0]
     return advice
 
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
-from tmca.applications.camera_figures import codes_figure
 from tmca.applications.report import Section, write_report
 from tmca.arguments import checked
 from tmca.cameras import CodedCamera
 from tmca.codes import write_codes
 from tmca.data import atomic_path, check_folder, make_folder, tiff_bytes, write_json
 from tmca.design import (
+    SURVEY,
     Advice,
     Candidate,
     Effort,
@@ -32,6 +32,7 @@ from tmca.design import (
     decibels,
     measures,
 )
+from tmca.design.advice import WITHIN
 from tmca.errors import DataError
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
@@ -97,9 +98,11 @@ def search_codes(
     slots: Sequence[int] | None = None,
     kinds: Sequence[str] | None = None,
     period: int = 32,
+    survey: Effort = SURVEY,
     effort: Effort | None = None,
     throughput: float | None = None,
     light: float | None = None,
+    within: float = WITHIN,
     seed: int = 0,
     overwrite: bool = False,
     progress: Progress | None = None,
@@ -117,9 +120,11 @@ def search_codes(
         slots: numbers of slots to try; those that fit without.
         kinds: structures of codes to try; free and one-hot ones without, and of two buckets where pixels have two.
         period: side of the tile of codes, pixels.
+        survey: effort of each search of the survey.
         effort: of the last searches.
         throughput: share of light that all codes shall let through; free if None.
         light: mean irradiance that the examples are dimmed to, share of white; as they are if None.
+        within: see ``tmca.design.advise``.
         seed: of random codes.
         overwrite: replace files that exist.
         progress: called with the share that is done and what is done.
@@ -141,8 +146,9 @@ def search_codes(
     learned = learn(progress)
     examples = learned.examples if light is None else learned.examples.under(light)
     advice = advise(
-        examples, sheet, slots=slots, kinds=kinds, period=(period, period), effort=effort, throughput=throughput,
-        seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
+        examples, sheet, slots=slots, kinds=kinds, period=(period, period), survey=survey, effort=effort,
+        throughput=throughput,
+        within=within, seed=seed, progress=lambda share, step: progress(0.3 + 0.68 * share, step), **learned.camera,
     )  # fmt: skip
     make_folder(out)
     record = _described(advice, examples, learned.examples.light, period, command)
@@ -161,7 +167,8 @@ def _described(
     light = measures(best.design.camera)
     return {
         "command": " ".join(command), "commit": repository_commit(), "advice": code_advice(advice),
-        "multiplex": advice.multiplex, "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
+        "multiplex": advice.multiplex, "more_slots": advice.more_slots, "within": advice.within,
+        "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
         "camera": best.design.camera.kind, "buckets": best.design.camera.buckets, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
@@ -266,7 +273,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
         Section("Every number of slots", survey, record["surveyed"], COLUMNS,
                 {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
         Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
-        Section("The codes", codes, figures={"One period": codes_figure(advice.best.design.camera, record["period"])}),
+        Section("The codes", codes, figures={"One period": advice.best.design.camera.plot(record["period"])}),
     ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tmca.applications.camera_figures import phase_codes_figure, psf_figure
+from tmca.applications.camera_figures import psf_figure
 from tmca.applications.report import Section, write_report
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import make_folder, write_json
@@ -99,7 +99,7 @@ def write_design(advice: MaskAdvice, record: dict[str, Any], out: Path, overwrit
     figures = {"fisher.png": _fisher(advice.candidates), "distances.png": _distances(advice.candidates)}
     for design in advice.candidates:
         figures |= {
-            f"masks_k{design.slots}.png": phase_codes_figure(design.camera),
+            f"masks_k{design.slots}.png": design.camera.plot(),
             f"psf_k{design.slots}.png": psf_figure(design.camera),
         }
     make_folder(out)

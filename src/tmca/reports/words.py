@@ -9,7 +9,8 @@ from tmca.design.mask_search import WORTH as WORTH_SHARE
 
 def code_advice(advice: Advice) -> str:
     """Slots and codes to use and their gain, beside the rivals, with the codes that were left out."""
-    return " ".join(part for part in (_recommended(advice), *_compared_codes(advice), _left_out(advice)) if part)
+    parts = (_recommended(advice), _more_slots(advice), *_compared_codes(advice), _left_out(advice))
+    return " ".join(part for part in parts if part)
 
 
 def _recommended(advice: Advice) -> str:
@@ -25,6 +26,15 @@ def _recommended(advice: Advice) -> str:
         return use + "on one example scene that the estimate knows; give more to see the spread."
     sure = "" if best.gain > best.spread else ", no more than the spread"
     return use + f"± {best.spread:.1f} dB from scene to scene{sure}."
+
+
+def _more_slots(advice: Advice) -> str:
+    """What more slots gained; empty where the best has the most that were tried."""
+    if not advice.multiplex or not advice.more_slots:
+        return ""
+    said = ", ".join(f"K = {slots} {gain:+.1f} dB" for slots, gain in advice.more_slots.items())
+    taken = f"within {WORTH_DECIBELS} dB{f' or {advice.within:.0%}' if advice.within else ''} of the best"
+    return f"These are the fewest slots {taken}; more gave in the survey: {said}."
 
 
 def _compared_codes(advice: Advice) -> list[str]:

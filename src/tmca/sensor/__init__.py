@@ -22,3 +22,7 @@ __all__ = [
     "quantise",
     "shot_noise",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
 from tmca.arguments import Float, Int, checked
 from tmca.errors import SettingError, check_range
+from tmca.summaries import Summary
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_LEAST_NOISE = 1e-6
 _MOST_NOISE = 1e6
 """Snapshot units or electrons that no sensor's noise reaches."""
 
@@ -76,7 +81,7 @@ def quantise(values: Tensor, low: float, high: float, bits: int) -> Tensor:
 
 
 @checked
-class Sensor(nn.Module):
+class Sensor(Summary, nn.Module):
     """From exact irradiance to a recorded snapshot, in the same units.
 
     Units of the snapshot: 1 is one band of a white scene through an open aperture and shutter over the whole exposure.
@@ -174,6 +179,27 @@ class Sensor(nn.Module):
         names = ("read_noise", "full_well", "read_noise_electrons", "bits", "saturates", "pedestal")
         return {name: getattr(self, name) for name in names}
 
-    def extra_repr(self) -> str:
-        """Shown by ``print``."""
-        return ", ".join(f"{name}={value}" for name, value in self.settings().items())
+    def plot(self) -> Figure:
+        """Signal-to-noise ratio of a pixel over the light, a share of full scale."""
+        import numpy as np
+
+        from tmca.plots.thumbnails import curve_figure
+
+        light, noise = np.logspace(-3, 0), self.noise(1.0)
+        deviation = np.sqrt(noise.read**2 + noise.shot * light)
+        ratio = light / np.maximum(deviation, _LEAST_NOISE)
+        return curve_figure(light, ratio, ("light (share of full scale)", "signal-to-noise ratio"), log=True)
+
+    def _facts(self) -> dict[str, str]:
+        electrons = "" if self.full_well is None else f"{self.full_well:g} electrons"
+        read = [f"{self.read_noise:g} snapshot units"] if self.read_noise else []
+        read += [f"{self.read_noise_electrons:g} electrons"] if self.read_noise_electrons else []
+        return {
+            "full well": electrons or "unlimited, no shot noise",
+            "read noise": " and ".join(read) or "none",
+            "bits": "" if self.bits is None else str(self.bits),
+            "saturates": f"at {self._top:g} of full scale" if self.saturates else "",
+        }
+
+    def _picture(self) -> Figure:
+        return self.plot()

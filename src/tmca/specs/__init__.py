@@ -51,3 +51,7 @@ __all__ = [
     "read_yaml",
     "spec_of",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

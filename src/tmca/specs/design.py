@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from tmca.specs.base import Distances, Length, Seed, Share, Spec, Whole, Wholes, Words
 
@@ -23,8 +25,11 @@ class CodeSearchSpec(Spec):
     light: Share | None = None
     """Mean irradiance that SCENES are dimmed to before codes are searched, share of white: the same scenes under less
     light, where noise weighs more. [default: as they are]"""
+    within: Annotated[float, Field(ge=0, le=1)] = 0.1
+    """Of codes whose gains differ by less than this share of the largest, or by less than 0.1 dB, those of the fewest
+    slots are taken; 0: by less than 0.1 dB alone."""
     quick: bool = False
-    "A first look: the last searches take no more effort than the survey, and end some tenths of a dB lower."
+    "A first look: all searches take a quarter of the survey's effort, and end some tenths of a dB lower."
     seed: Seed = 0
     "Of random codes."
 

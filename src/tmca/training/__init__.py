@@ -21,3 +21,7 @@ __all__ = [
     "train",
     "training_settings",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

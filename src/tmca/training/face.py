@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tmca.arguments import Count, Kind, Names, checked
+from tmca.progress import Asked, counting
 from tmca.training.camera_training import training_settings
 from tmca.training.run import Trained
 from tmca.training.run import train as run
@@ -22,7 +23,7 @@ def train(
     preset: str | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
-    progress: Callable[[int, int, str], None] | None = None,
+    progress: Asked = None,
     accelerator: str = "auto",
     processes: Count = 1,
     nodes: Count = 1,
@@ -37,7 +38,8 @@ def train(
         preset: ``"quick"`` or ``"thesis"``.
         config: YAML of settings, which replace the preset's.
         settings: dotted names and values, such as ``{"camera.slots": 4}``, which replace both.
-        progress: called after every step with (done, all, text).
+        progress: called after every step with (done, all, text); True for a bar, False for none; None for one that is
+            shown after a second in a terminal or a notebook.
         accelerator: ``"cpu"``, ``"cuda"`` or ``"auto"``.
         processes: on each machine; more than one in all must be started by ``torchrun``.
         nodes: machines, which share the run's folder.
@@ -48,4 +50,6 @@ def train(
     named = {"data.train": scenes, "data.validation": validation}
     changes = {**(settings or {}), **{name: list(value) for name, value in named.items() if value is not None}}
     engine: dict[str, Any] = {"accelerator": accelerator, "processes": processes, "nodes": nodes}
-    return run(training_settings(camera, preset, config, changes), Path(out), progress=progress, **engine)
+    chosen = training_settings(camera, preset, config, changes)
+    with counting(progress, f"train {Path(out).name}") as report:
+        return run(chosen, Path(out), progress=report, **engine)

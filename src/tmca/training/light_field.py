@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from tmca.cameras import LightFieldCamera
-from tmca.data.light_field_scenes import Reading, as_batch, check_asked, load_light_field
+from tmca.data.in_memory import as_tensors
+from tmca.data.light_field_scenes import Reading, check_asked, load_light_field
 from tmca.data.scene_names import named_scenes
 from tmca.errors import DataError, SettingError
 from tmca.specs.base import Whole
@@ -116,7 +117,7 @@ class LightFieldTraining(MaskTraining):
         return field
 
     def batch(self, scene: xr.DataArray, camera: LightFieldCamera) -> NDArray[np.float32]:
-        return as_batch(scene).flatten(1, 2).numpy()
+        return as_tensors(scene)[0].flatten(1, 2).numpy()
 
     def figure(
         self, batches: Mapping[str, NDArray[np.float32]], truth: NDArray[np.float32], camera: LightFieldCamera

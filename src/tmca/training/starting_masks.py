@@ -11,8 +11,8 @@ from torch import Tensor
 from tmca.attributes import attributes_of
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
+from tmca.cameras.phase_settings import phase_settings
 from tmca.cameras.sensor_tiles import check_holds
-from tmca.cameras.spectral_depth import phase_settings
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (

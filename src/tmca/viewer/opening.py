@@ -13,9 +13,11 @@ from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array, holds_rgbd, read_scene, read_spectral_depth
 from tmca.data.formats.opening import open_contents
+from tmca.data.in_memory import bare_cube
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
 from tmca.data.spectral_depth import scene_parts
+from tmca.data.unlabelled import of_array
 from tmca.errors import DataError, SettingError
 from tmca.lab.display.manifest import NAME as MANIFEST
 from tmca.viewer.arrays import array_items
@@ -23,6 +25,7 @@ from tmca.viewer.cubes import cube_item
 from tmca.viewer.depths import rgbd_item, with_depth
 from tmca.viewer.items import Item
 from tmca.viewer.light_fields import light_field_item
+from tmca.viewer.planes import holds_planes, plane_items
 from tmca.viewer.snapshots import export_item, snapshot_items
 
 _VIEWS = 5
@@ -79,6 +82,8 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
     """The items of an open file, by what it holds."""
     if holds_snapshot({*contents.arrays, *_coordinates(contents)}) and variable is None:
         return snapshot_items(Snapshot.load(contents.path), title, **about)
+    if variable is None and holds_planes(contents):
+        return plane_items(contents, title, **about)
     views = find_light_field(contents, variable)
     if views is not None:
         return [light_field_item(contents, views, title, **about)]
@@ -102,11 +107,16 @@ def memory_contents(thing: Any, name: str = "") -> Contents:
         SettingError: something without labelled axes.
     """
     import xarray
+    from torch import Tensor
 
+    if isinstance(thing, np.ndarray | Tensor):
+        thing = of_array(thing, name or "array")
+    if (bare := bare_cube(thing)) is not None:
+        thing = of_array(bare, name or "array")
     if isinstance(thing, xarray.DataArray):
         thing = thing.to_dataset(name=thing.name or "cube").assign_attrs(thing.attrs)
     if not isinstance(thing, xarray.Dataset):
-        expected = "a file's path, labelled data (xarray), an Estimate or a Snapshot"
+        expected = "a file's path, labelled data (xarray), an array, an Estimate or a Snapshot"
         raise SettingError("view", described(thing), expected, "label it with tmca.data.label")
     arrays = {}
     for key, array in thing.data_vars.items():

@@ -107,8 +107,8 @@ def view(*things: Any, truth: Any = None, variable: str | None = None, port: int
     """Look at files, labelled data, estimates and snapshots in a browser.
 
     Args:
-        things: paths, names of rendered scenes, xarray objects, `tmca.Estimate` or `tmca.Snapshot`; several of one
-            kind are linked side by side.
+        things: paths, names of rendered scenes, labelled data (xarray), arrays, `tmca.Estimate` or `tmca.Snapshot`;
+            several of one kind are linked side by side.
         truth: the scene that estimates are of, its file or its name: shown beside them, with errors.
         variable: which array, where a file has several.
         port: of the page on this machine; 0 for any that is free.

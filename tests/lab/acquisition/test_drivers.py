@@ -209,13 +209,62 @@ def plugged(monkeypatch):
     return plug
 
 
-@pytest.mark.parametrize(
-    ("load", "words"), [(raising(ImportError("no libdmd.so")), "no libdmd.so"), (lambda: Lamp, "missing 1 required")]
-)
-def test_drivers_that_do_not_start_say_so(plugged, load, words):
-    plugged("lamp", load)
-    with pytest.raises(DeviceError, match=f"device lamp: .*{words}"):
+def test_drivers_that_do_not_start_say_so(plugged):
+    plugged("lamp", raising(ImportError("no libdmd.so")))
+    with pytest.raises(DeviceError, match=r"device lamp: .*no libdmd\.so"):
         find_device("lamp")
+    plugged("lamp", lambda: raising(OSError("no lamp on port 0")))
+    with pytest.raises(DeviceError, match=r"device lamp: .*no lamp on port 0"):
+        find_device("lamp")
+
+
+def old_port(port="0"):
+    return Lamp(int(port))
+
+
+def typed(level: int, warm: bool = False):
+    return Lamp(level if warm else -level)
+
+
+@pytest.mark.parametrize(("factory", "settings", "said"), [
+    (Lamp, {}, "--set level: found none, expected level, which this device needs; pass --set level=…"),
+    (Lamp, {"level": "1", "levle": "2"}, "--set levle: found a setting .*, expected one of level; did you mean level"),
+    (Lamp, {"level": "1", "port": "2"}, r"--set port: found .*expected one of level; lamp has level \(a text\)"),
+    (old_port, {"port": "abc"}, r"--set port: found ValueError: .*'abc', .*; lamp has port \(a text, '0' without\)"),
+    (typed, {"level": "x"}, r"--set level: found 'x', expected a whole number; lamp has level \(a whole number\)"),
+    (typed, {"level": "1", "warm": "much"}, "--set warm: found 'much', expected True or False"),
+])  # fmt: skip
+def test_a_setting_that_a_driver_cannot_use_is_named_with_those_that_there_are(plugged, factory, settings, said):
+    plugged("lamp", lambda: factory)
+    with pytest.raises(SettingError, match=said) as refused:
+        find_device("lamp", **settings)
+    assert "see to the device" not in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_texts_become_what_a_driver_annotates_and_stay_texts_elsewhere(plugged):
+    plugged("lamp", lambda: typed)
+    assert find_device("lamp", level="7", warm="true").level == 7
+    plugged("lamp", lambda: Lamp)
+    assert find_device("lamp", level="7").level == "7"
+
+
+def test_a_driver_of_a_file_is_named_by_it(tmp_path):
+    file = tmp_path / "bench.py"
+    file.write_text(
+        "class Bench:\n    saturation = 255.0\n    def __init__(self, port: int = 0):\n        self.port = port\n"
+        "    def load(self, export): pass\n    def show(self, slot): pass\n    def capture(self, whole=False): pass\n"
+        "class Half:\n    saturation = 255.0\n"
+    )
+    assert find_device(f"{file}:Bench", port="3").port == 3
+    with pytest.raises(
+        SettingError, match=r"--set port: found 'x', expected a whole number; .*bench.py:Bench has port"
+    ):
+        find_device(f"{file}:Bench", port="x")
+    with pytest.raises(SettingError, match=r"--device: found .*Half, expected load, show, capture and saturation"):
+        find_device(f"{file}:Half")
+    with pytest.raises(SettingError, match="--device: found no class Bank"):
+        find_device(f"{file}:Bank")
 
 
 def test_drivers_of_other_packages_plug_in(plugged):

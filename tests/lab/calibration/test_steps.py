@@ -13,11 +13,12 @@ from tests.lab.calibration.test_one_bench import bench_of, measured, scene_of
 from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated, check_fits
+from tmca.lab.calibration.figures import part_figure
 from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.parts import KINDS
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import STEPS, measure, part_figure, step_of
+from tmca.lab.calibration.steps import STEPS, measure, step_of
 from tmca.lab.cameras import LAB_CAMERAS
 from tmca.optics import ZernikeHeights
 from tmca.sensor import Sensor
@@ -205,7 +206,7 @@ def test_a_part_alone_can_be_applied(benches, kind, name):
 @each_step
 def test_a_part_is_drawn(benches, kind, name):
     bench = benches(kind)
-    figure = part_figure(bench.calibration, part_names(bench, name)[-1], name)
+    figure = part_figure(bench.calibration.parts, part_names(bench, name)[-1], name)
     assert all(axes.has_data() for axes in figure.axes[:2])
 
 

@@ -23,11 +23,11 @@ class BenchOptions:
     """A bench as it is asked for."""
 
     device: str = "simulated"
-    "simulated, or the name of a driver (entry points tmca.devices)."
+    "simulated, the name of a driver (entry points tmca.devices), or its FILE.py:Class."
     like: Path | None = None
     "Snapshot file whose camera this is; that of the export where it was made from a snapshot."
     settings: Annotated[list[str] | None, Parameter(name="--set")] = None
-    "NAME=VALUE settings of a driver, which it gets as text."
+    "NAME=VALUE settings of a driver, texts unless it says of which type they are."
     timeout: float | None = None
     """Seconds that a driver has for each answer, 0 for no limit; 30 s or three exposures without, whichever is
     longer."""

@@ -68,12 +68,12 @@ class CalibrationOptions:
     def finished(self, calibration: Calibration, part: str) -> None:
         """Save, draw and say what a step measured."""
         from tmca.data import plain
-        from tmca.lab.calibration.steps import part_figure
+        from tmca.lab.calibration.figures import part_figure
         from tmca.plots.style import save_figure
 
         saved = calibration.save(self.prefix)
         if self.figures and saved.path is not None:
-            save_figure(part_figure(saved, part, saved.path.stem), saved.path.with_suffix(".png"))
+            save_figure(part_figure(saved.parts, part, saved.path.stem), saved.path.with_suffix(".png"))
         residuals = saved.about["steps"][part]["residuals"]
         about = {"calibration": str(saved.path), "step": part, **plain(residuals)}
         say(about, self.json, f"{saved.path}: {part}", *residual_lines(residuals))

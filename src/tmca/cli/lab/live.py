@@ -61,7 +61,8 @@ def live(
 
     Args:
         export: folder of the export.
-        decoder: one that `tmca decoders` lists for the camera; the camera's usual one without.
+        decoder: one that `tmca decoders` lists for the camera, or your own as FILE.py:Class or FILE.pt2; the camera's
+            usual one without.
         prior: file made by `tmca prior learn`; the rendered scenes' prior without it.
         weights: of a network: a file or run of `tmca train`, default or universal; the decoder is then network.
         bank: file that stores what lmmse computes for camera, noise and prior, for the next start.
@@ -78,6 +79,7 @@ def live(
         drift: ROWS,COLUMNS by which the scene moves from exposure to exposure.
     """
     from tmca.decoders import make_decoder, usual_decoder
+    from tmca.lab.decoder_files import decoder_named
     from tmca.lab.display.manifest import exposed_whole, read_manifest
     from tmca.lab.live import Exposures, Live, Recording, check_recording
 
@@ -94,7 +96,7 @@ def live(
     _check_bank(bank, taken.camera)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
     rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
-    name = decoder or ("network" if weights else usual_decoder(taken.camera.kind))
+    name = decoder_named(decoder) if decoder else ("network" if weights else usual_decoder(taken.camera.kind))
     made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty, fast))
     with ExitStack() as opened:
         takers = _served(opened, page, port)

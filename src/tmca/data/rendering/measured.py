@@ -40,6 +40,7 @@ def _all_reflectances() -> Array:
     return table[(table.max(axis=1) <= 1) & (table.max(axis=1) > 0.02)].clip(0, 1)
 
 
+@lru_cache
 def illuminant(name: str) -> Array:
     """Spectral power ``(61,)`` of an illuminant of colour-science, in its own relative units.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import EntryPoint, entry_points
-from inspect import signature
 from math import inf, isfinite
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -16,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.errors import DeviceError, SettingError, TmcaError
+from tmca.lab.acquisition.driver_settings import read_settings, said_settings
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
+from tmca.plugins import class_from_file, names_a_file
 
 
 @runtime_checkable
@@ -44,8 +45,9 @@ OWN = {
 class Device(Protocol):
     """A bench: what shows codes, and the camera behind it.
 
-    A package plugs one in by the entry point ``NAME = "module:factory"`` of the group ``tmca.devices``; the factory
-    takes the settings of ``tmca capture`` as keyword arguments, texts all of them.
+    A package plugs one in by the entry point ``NAME = "module:factory"`` of the group ``tmca.devices``; without one it
+    is named ``FILE.py:Class``. The factory takes the settings of ``tmca capture`` as keyword arguments: values of the
+    types that it annotates, texts where it annotates none.
 
     A bench that knows its scale has ``snapshot_units_per_dn``, the snapshot units of a digital number above the dark;
     without, saturation is a white scene in one frame.
@@ -106,39 +108,50 @@ def find_device(name: str, /, **settings: Any) -> Device:
     """A bench by its name.
 
     Args:
-        name: one of ``OWN``, or that of an entry point of the group ``tmca.devices``.
-        settings: of its factory.
+        name: one of ``OWN``, that of an entry point of the group ``tmca.devices``, or ``FILE.py:Class``, which runs the
+            file.
+        settings: of its factory; texts become what its annotations say.
 
     Raises:
-        SettingError: an unknown name, a setting that one of ``OWN`` lacks or does not have, or a factory that makes
-            none.
+        SettingError: an unknown name, a file without that class, a setting that the factory lacks, does not have or
+            cannot use, or a factory that makes no bench.
         DeviceError: a driver that cannot be loaded, or whose factory fails.
     """
-    drivers = device_drivers()
-    if name not in drivers:
-        raise SettingError("--device", repr(name), f"one of {', '.join(drivers)}", "install the package of its driver")
+    factory = _factory(name)
     if name in OWN:
-        factory = OWN[name].load()
-        _check_settings(factory, settings)
+        read_settings(factory, settings, name)
         own: Device = factory(**settings)
         return own
-    with answering(name):
-        device = drivers[name].load()(**settings)
+    given = read_settings(factory, settings, name)
+    try:
+        with answering(name):
+            device = factory(**given)
+    except DeviceError as error:
+        if settings and isinstance(error.__cause__, ValueError | TypeError):
+            where, remedy = _blamed(settings, str(error.__cause__)), said_settings(factory, name)
+            raise SettingError(where, error.found, "what the driver can use", remedy) from error
+        raise
     if not isinstance(device, Device):
         raise SettingError("--device", f"{name}: {type(device).__name__}", "load, show, capture and saturation")
     return device
 
 
-def _check_settings(factory: Any, settings: Mapping[str, Any]) -> None:
-    """Raises SettingError where a driver of the package lacks a setting, or is given one that it does not have."""
-    parameters = signature(factory).parameters
-    for name in settings:
-        if name not in parameters:
-            found, expected = "a setting that this device does not have", f"one of {', '.join(parameters)}"
-            raise SettingError(f"--set {name}", found, expected)
-    for name, parameter in parameters.items():
-        if parameter.default is parameter.empty and name not in settings:
-            raise SettingError(f"--set {name}", "none", f"{name}, which this device needs", f"pass --set {name}=…")
+def _factory(name: str) -> Any:
+    """What makes a bench; see ``find_device``."""
+    if names_a_file(name):
+        return class_from_file(name, object, "--device")
+    drivers = device_drivers()
+    if name not in drivers:
+        remedy = "install the package of its driver, or name its file: FILE.py:Class"
+        raise SettingError("--device", repr(name), f"one of {', '.join(drivers)}", remedy)
+    with answering(name):
+        return drivers[name].load()
+
+
+def _blamed(settings: Mapping[str, Any], said: str) -> str:
+    """The setting whose value an error shows; all of them where it shows none, or several."""
+    shown = [name for name, value in settings.items() if repr(value) in said]
+    return f"--set {shown[0]}" if len(shown) == 1 else " ".join(f"--set {name}={settings[name]}" for name in settings)
 
 
 def number_of(device: Device, name: str, default: float | None = None) -> float:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +15,10 @@ from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration, nominal_matrix
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
-from tmca.plots.style import BLUE, RED, SMALL, add_bar, plain_axes
+from tmca.plots.style import BLUE, RED, SMALL, add_bar, blank_figure, plain_axes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def dark(axes: Any, part: DarkField) -> None:
@@ -172,3 +176,26 @@ def _map(axis: Any, values: np.ndarray, title: str, bar: str, bad: np.ndarray) -
     axis.plot(places[:, 1], places[:, 0], "o", markerfacecolor="none", color=RED, markersize=8)
     plain_axes(axis, f"{title}; {len(places)} defects", "", "")
     add_bar(axis, shown, bar)
+
+
+_OF_KIND: dict[str, Callable[..., None]] = {
+    "dark": dark, "flat": flat, "linearity": linearity, "registration": registration, "buckets": buckets,
+    "timing": timing, "dispersion": dispersion, "shear": shear, "wavefront": wavefront,
+}  # fmt: skip
+"""Draws a part of this kind onto two axes; a wavefront takes the point spread functions it was fitted to, too."""
+
+
+def part_figure(parts: Mapping[str, Any], name: str, title: str) -> Figure:
+    """The picture of a measured part; of point spread functions that of the wavefront that was fitted to them.
+
+    Args:
+        parts: of a calibration.
+        name: of the part.
+        title: above both axes.
+    """
+    name = name.replace("psf", "wavefront")
+    figure, kind = blank_figure(9.2, 3.4), name.rstrip("0123456789")
+    figure.suptitle(title, fontsize=10)
+    drawn = [parts[name], *([parts[name.replace("wavefront", "psf")]] if kind == "wavefront" else [])]
+    _OF_KIND[kind](figure.subplots(1, 2), *drawn)
+    return figure

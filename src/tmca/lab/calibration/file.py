@@ -20,14 +20,16 @@ from pydantic import Json
 from tmca.attributes import Attributes, attributes_of, read_json
 from tmca.data import atomic_path, check_target, checksum_of, plain, read_dataset
 from tmca.data.files import read_groups
-from tmca.errors import DataError
+from tmca.errors import DataError, check_choice
 from tmca.lab.calibration.parts import StatedStep, StoredStep, group_of, kind_of, part_of
 from tmca.lab.calibration.sensor import mended
 from tmca.lab.frames import Array, check_size
 from tmca.lab.notes import date_of_frames, parsed_date
+from tmca.summaries import Summary, sizes
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 FORMAT, FORMAT_1 = "tmca calibration 2", "tmca calibration 1"
 """Of version 0.1 a NetCDF file of all steps lay beside a JSON file that told of them."""
@@ -35,8 +37,8 @@ _SENSOR_ALONE = ("dark", "flat", "linearity", "buckets")
 _STAMP = re.compile(r"_\d{4}-\d{2}-\d{2}T\d{6}(-\d+)?$")
 
 
-@dataclass(frozen=True)
-class Calibration:
+@dataclass(frozen=True, repr=False)
+class Calibration(Summary):
     """What was measured of one camera.
 
     Args:
@@ -149,6 +151,44 @@ class Calibration:
     def without(self, *names: str) -> Calibration:
         """With all other parts."""
         return Calibration({k: v for k, v in self.parts.items() if k not in names}, self.about, self.path)
+
+    def to_xarray(self) -> xr.DataTree:
+        """A group for every part, as its file has them."""
+        import xarray as xr
+
+        groups = {name: group_of(name, part, self.about["steps"][name]) for name, part in self.parts.items()}
+        return xr.DataTree.from_dict({"/": xr.Dataset(), **groups})
+
+    def plot(self, part: str | None = None) -> Figure:
+        """Pictures of a part; of the first that was measured if None.
+
+        Raises:
+            SettingError: a part that was not measured, or nothing measured at all.
+        """
+        from tmca.lab.calibration.figures import part_figure
+
+        name = next(iter(self.parts), "") if part is None else part
+        check_choice("part", name, self.parts)
+        return part_figure(self.parts, name, name)
+
+    def _facts(self) -> dict[str, str]:
+        camera, steps = self.about["camera"], self.about["steps"]
+        days = sorted(str(step["measured"])[:10] for step in steps.values())
+        planes = ((what, camera.get(what)) for what in ("sensor", "codes"))
+        return {
+            "camera": str(camera.get("name") or ""),
+            "sizes": ", ".join(f"{what} {sizes(size)} pixels" for what, size in planes if size),
+            "parts": ", ".join(self.parts) or "none",
+            "measured": " to ".join(dict.fromkeys((*days[:1], *days[-1:]))),
+            "file": "" if self.path is None else self.path.name,
+        }
+
+    def _picture(self) -> Figure | None:
+        if not self.parts:
+            return None
+        figure = self.plot()
+        figure.set_size_inches(6.6, 2.8)
+        return figure
 
     def save(self, prefix: str | Path) -> Calibration:
         """Write ``PREFIX_YYYY-MM-DDThhmmss.nc`` (UTC), a group for every part; a name that is taken gets a number.

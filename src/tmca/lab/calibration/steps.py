@@ -1,15 +1,15 @@
-"""The steps of a calibration: one table of what each needs, captures, fits and draws, and the way they are measured."""
+"""The steps of a calibration: one table of what each needs, captures and fits, and the way they are measured."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tmca.cameras import Camera
 from tmca.errors import DataError
-from tmca.lab.calibration import figures, fits, shots
+from tmca.lab.calibration import fits, shots
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
@@ -17,9 +17,6 @@ from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import quality_of
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Acquire = Callable[[Any, dict[str, Any], shots.Asked, int], Iterable[shots.Shot]]
 
@@ -32,7 +29,6 @@ class Step:
         name: of its folder; of ``psf`` there is one per slot, with its number at the end.
         acquire: frames for it: camera, manifest of the export, what is asked, slot → shots.
         fit: what the frames say, by the name of the part; None where the frames are another step's.
-        figure: draws a part onto two axes.
         needs: steps that it builds on.
         residual: that says how good it is.
         usual: the largest of it that good captures leave.
@@ -41,24 +37,23 @@ class Step:
     name: str
     acquire: Acquire
     fit: Callable[[Captured], dict[str, Fitted]] | None = None
-    figure: Callable[..., None] | None = None
     needs: tuple[str, ...] = ()
     residual: str = ""
     usual: float = 1.0
 
 
 STEPS: dict[str, Step] = {step.name: step for step in (
-    Step("dark", shots.dark, fits.dark, figures.dark, (), "noise_of_saturation", 0.05),
-    Step("flat", shots.flat, fits.flat, figures.flat, ("dark",), "noise_of_light", 0.2),
+    Step("dark", shots.dark, fits.dark, (), "noise_of_saturation", 0.05),
+    Step("flat", shots.flat, fits.flat, ("dark",), "noise_of_light", 0.2),
     Step("white", shots.white),
-    Step("linearity", shots.linearity, fits.linearity, figures.linearity, ("dark",), "largest_deviation", 0.02),
-    Step("registration", shots.registration, fits.registration, figures.registration, (), "residual_of_contrast", 0.2),
-    Step("buckets", shots.buckets, fits.buckets, figures.buckets, ("dark", "flat"), "residual_of_light", 0.01),
-    Step("timing", shots.timing, fits.timing, figures.timing, ("dark",), "residual_of_a_slot", 0.05),
-    Step("dispersion", shots.dispersion, fits.dispersion, figures.dispersion, ("registration", "dark"),
+    Step("linearity", shots.linearity, fits.linearity, ("dark",), "largest_deviation", 0.02),
+    Step("registration", shots.registration, fits.registration, (), "residual_of_contrast", 0.2),
+    Step("buckets", shots.buckets, fits.buckets, ("dark", "flat"), "residual_of_light", 0.01),
+    Step("timing", shots.timing, fits.timing, ("dark",), "residual_of_a_slot", 0.05),
+    Step("dispersion", shots.dispersion, fits.dispersion, ("registration", "dark"),
          "x_residual_pixels", 0.2),
-    Step("shear", shots.shear, fits.shear, figures.shear, ("registration", "dark"), "residual_pixels", 0.1),
-    Step("psf", shots.psf, fits.psf, figures.wavefront, ("dark",), "residual", 0.1),
+    Step("shear", shots.shear, fits.shear, ("registration", "dark"), "residual_pixels", 0.1),
+    Step("psf", shots.psf, fits.psf, ("dark",), "residual", 0.1),
 )}  # fmt: skip
 
 
@@ -152,17 +147,3 @@ def measure_all(
         slot = int(name.removeprefix("psf")) if name.startswith("psf") else 0
         start = measure(name, start, place / name, replace(given, slot=slot))
         yield (f"wavefront{slot}" if name.startswith("psf") else name), start
-
-
-def part_figure(calibration: Calibration, name: str, title: str) -> Figure:
-    """The picture of a measured part; of a wavefront beside the point spread functions it was fitted to."""
-    from tmca.plots.style import blank_figure
-
-    figure, draw = blank_figure(9.2, 3.4), step_of(name).figure
-    figure.suptitle(title, fontsize=10)
-    parts = [calibration.part(name)]
-    if name.startswith("wavefront"):
-        parts.append(calibration.part(name.replace("wavefront", "psf")))
-    if draw is not None:
-        draw(figure.subplots(1, 2), *parts)
-    return figure

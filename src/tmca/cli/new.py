@@ -1,0 +1,119 @@
+"""``tmca new``: a camera, a decoder or a driver of one's own to start from, with its test."""
+
+from __future__ import annotations
+
+import re
+from contextlib import ExitStack
+from importlib.resources import files
+from importlib.util import find_spec
+from keyword import iskeyword
+from pathlib import Path
+from string import Template
+from sys import stdlib_module_names
+from typing import Literal, NamedTuple
+
+from tmca.cli.options.output import Overwrite
+from tmca.errors import SettingError
+
+Part = Literal["camera", "decoder", "driver"]
+
+
+class PartNames(NamedTuple):
+    """What a part is called: on the command line, as a module, as a class, and in tables."""
+
+    name: str
+    module: str
+    Class: str
+    label: str
+
+
+def new(part: Part, name: str, /, *, out: Path = Path(), overwrite: Overwrite = False) -> None:
+    """Write a file of a camera, a decoder or a driver that works, for you to change, and its test.
+
+    Args:
+        part: camera, decoder or driver.
+        name: what the command line will call it, such as my-camera.
+        out: folder to write into; the current one without.
+    """
+    from tmca.data import atomic_path, check_target
+
+    named = names_of(name)
+    _check_free(part, named)
+    texts = rendered(part, named)
+    targets = {out / file: text for file, text in texts.items()}
+    for target in targets:
+        check_target(target, overwrite)
+    with ExitStack() as opened:  # neither, unless both can be written
+        for target, text in targets.items():
+            opened.enter_context(atomic_path(target, overwrite=overwrite)).write_text(text, encoding="utf-8")
+    print(_next_steps(part, named, out))
+
+
+def names_of(text: str) -> PartNames:
+    """What a part of a name is called.
+
+    Raises:
+        SettingError: no name of words, or one that Python or a package that is installed has.
+    """
+    name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", text).lower().replace("_", "-")
+    if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", name):
+        raise SettingError("NAME", repr(text), "letters and digits, such as my-camera")
+    module, words = name.replace("-", "_"), name.split("-")
+    if iskeyword(module) or _is_installed(module):
+        raise SettingError("NAME", f"{text}, a name that Python or a package has", "a name of its own")
+    return PartNames(name, module, "".join(word.capitalize() for word in words), " ".join(words))
+
+
+def _is_installed(module: str) -> bool:
+    """Whether Python or a package has a module of a name; one that lies in a folder of one's own is none."""
+    if module in {*stdlib_module_names, "tmca"}:
+        return True
+    spec = find_spec(module)
+    return spec is not None and "site-packages" in str(spec.origin)
+
+
+def rendered(part: Part, named: PartNames) -> dict[str, str]:
+    """Name of a file → its text: of the part, and of its test.
+
+    Raises:
+        SettingError: a name that the class of the part would hide.
+    """
+    names, folder = named._asdict(), files("tmca.cli") / "templates"
+    sources = {
+        f"{prefix}{named.module}.py": (folder / f"{prefix}{part}.py.in").read_text("utf-8") for prefix in ("", "test_")
+    }
+    if any(re.search(rf"(?<![$\w]){named.Class}\b", source) for source in sources.values()):
+        raise SettingError("NAME", f"{named.name}, whose class {named.Class} is used already", "another name")
+    return {file: Template(source).substitute(names) for file, source in sources.items()}
+
+
+def _check_free(part: Part, named: PartNames) -> None:
+    """Raises SettingError for a name that a camera, a decoder or a driver has."""
+    from tmca.cameras import CAMERAS, load_cameras
+    from tmca.decoders import decoders
+    from tmca.lab.acquisition.drivers import device_drivers
+
+    load_cameras()
+    known = {"camera": CAMERAS, "decoder": decoders(), "driver": device_drivers()}[part]
+    if named.name in known:
+        raise SettingError("NAME", f"{named.name}, a {part} that there is", f"none of {', '.join(known)}")
+
+
+def _next_steps(part: Part, named: PartNames, out: Path) -> str:
+    """What was written, how it is tested, tried and made known."""
+    file, test = out / f"{named.module}.py", out / f"test_{named.module}.py"
+    group = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "driver": "tmca.devices"}[part]
+    place = f"{named.module}:{named.Class}" if part != "camera" else named.module  # which has the application too
+    lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {test}"]
+    if part == "decoder":
+        lines.append(f"try it with: tmca reconstruct SNAPSHOT.nc --decoder {file}:{named.Class}")
+    if part == "driver":
+        lines.append(f"try it with: tmca capture EXPORT --device {file}:{named.Class}")
+    if part == "camera":
+        there = "" if out == Path() else f"cd {out} && "
+        code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
+        lines.append(f"try it with: {there}python -c '{code}'")
+    return "\n".join([
+        *lines, "every command knows it once your package is installed, with this in its pyproject.toml:",
+        f'  [project.entry-points."{group}"]', f'  {named.name} = "{place}"',
+    ])  # fmt: skip

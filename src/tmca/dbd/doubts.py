@@ -1,0 +1,163 @@
+"""Whether a recovery explains its samples, and whether another sign or order of the samples would explain them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from tmca.dbd.atoms import Atoms, Polynomial
+from tmca.dbd.channel import Channel, relative_residual, unknowns
+from tmca.dbd.frank_wolfe import frank_wolfe
+from tmca.dbd.model import Complex, Problem, Source
+
+_LITTLE, _SIGMAS = 0.5, 5.0
+"""Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
+_CROWDED = 0.6
+"""Unknowns for every real sample from which a fit that is not exact says nothing: any basis would fit as well."""
+_REMAINS, _NOISELESS, _MANY = 0.03, 0.01, 0.25
+"""Unexplained shares, in noise and without, and unknowns for every real sample, from which variants are tried."""
+_TRIES, _LOWEST, _LARGE = 3, (0.95, 1.0), 1000
+"""Variants that are tried, one in more samples than these; how high their matched filters are at least, in doubt and
+without any.
+"""
+_COARSE = 0.15
+"""Noise, as a share of the samples' root mean square, that a trial may leave: it is quick where the basis is wrong."""
+_EXPLAINS, _MOST = 0.9, 0.4
+"""Share of the signal's energy that a variant has to explain before it is named, and its most unknowns for every real
+sample.
+"""
+_ROUNDING = 1e-18
+"""Shares of energy below which numbers are rounding alone."""
+
+
+class Variant(NamedTuple):
+    """Bases that may have been meant."""
+
+    name: str
+    question: str
+    rows: Callable[[Complex], Complex]
+
+
+_BOTH = "is the sign of the time axis or the I/Q order swapped?"
+_VARIANTS = (
+    Variant("the conjugate of the basis", _BOTH, np.conj),
+    Variant(
+        "the conjugate of the basis at reversed frequencies",
+        "is the I/Q order swapped?",
+        lambda rows: rows[:, ::-1].conj(),
+    ),
+    Variant(
+        "the basis at reversed frequencies",
+        "is the sign of the time axis swapped?",
+        lambda rows: rows[:, ::-1],
+    ),
+)
+
+
+def noise_share(problem: Problem) -> float:
+    """The most that noise of the stated level is of the samples' energy; 0 where the level is unknown."""
+    samples, power = problem.y.size, float(np.linalg.norm(problem.y)) ** 2
+    return (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
+
+
+def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exact: bool) -> str | None:
+    """Why paths do not explain the samples, with the bases that would, in one sentence; None where they do.
+
+    Args:
+        problem: that was solved.
+        channels: what was recovered.
+        left: relative residual.
+        exact: whether that is an exact fit with fewer unknowns than samples.
+    """
+    if exact:
+        return None
+    alone = _doubt(problem, channels, left)
+    meant = better_variant(problem, channels, left, alone is not None)
+    if meant:
+        count = sum(map(len, channels))
+        return f"{alone or f'{count} paths explain {1 - left**2:.0%}, other bases need fewer'}; {meant}"
+    return alone and f"{alone}: are bases, messages and sigma those of y?"
+
+
+def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
+    """Why paths do not explain the samples, or None."""
+    noise = noise_share(problem)
+    if left**2 > noise + _LITTLE * (1 - noise):
+        known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
+        return f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
+    if problem.sigma == 0 and left**2 > _NOISELESS:
+        return f"the paths leave {left**2:.0%} of the energy of samples that are said to be without noise"
+    if unknowns(channels) > _CROWDED * 2 * problem.y.size:
+        count = sum(map(len, channels))
+        return (
+            f"{count} paths with {unknowns(channels)} unknowns fit {2 * problem.y.size} real samples: any basis would"
+        )
+    return None
+
+
+def better_variant(problem: Problem, channels: Sequence[Channel], left: float, doubtful: bool) -> str | None:
+    """The variant of the bases that explains the samples where these do not, with what may be swapped; or None.
+
+    Nothing is tried where few paths explain the samples. Elsewhere the matched filters say which are tried: those of
+    the right bases are seldom lower than those of wrong ones.
+    """
+    samples, noise = 2 * problem.y.size, noise_share(problem)
+    few = unknowns(channels) <= _MANY * samples and left**2 <= noise + _REMAINS
+    if few and not doubtful:
+        return None
+    lowest = _LOWEST[0 if doubtful else 1] * _height(problem, problem.sources)
+    heights = sorted(((_height(problem, one.sources), one) for one in _meant(problem)), key=lambda pair: -pair[0])
+    coarse = max(problem.sigma or 0.0, _COARSE * float(np.sqrt(np.mean(np.abs(problem.y) ** 2))))
+    best: tuple[float, str | None] = (_criterion(channels, left**2, problem), None)
+    for _, meant in [pair for pair in heights if pair[0] >= lowest][: _TRIES if samples < 2 * _LARGE else 1]:
+        other = frank_wolfe(replace(problem, sources=meant.sources, sigma=coarse, truth=None)).channels
+        remains = relative_residual(other, problem.y) ** 2
+        criterion = _criterion(other, remains, problem)
+        explains = remains <= noise + (1 - _EXPLAINS) * (1 - noise) and unknowns(other) <= _MOST * samples
+        if criterion < best[0] and explains:
+            best = criterion, f"{meant.name} explains {1 - remains:.0%}: {meant.question}"
+            if unknowns(other) <= _MANY * samples:
+                break
+    return best[1]
+
+
+class _Meant(NamedTuple):
+    """Sources with a variant of their bases."""
+
+    name: str
+    question: str
+    sources: tuple[Source, ...]
+
+
+def _meant(problem: Problem) -> list[_Meant]:
+    """What else the bases may have been meant to be: the conjugates of some, or all at reversed frequencies."""
+    names, several = [one.name for one in problem.sources], len(problem.sources) > 1
+    chosen: list[tuple[str, tuple[str, ...]]] = [(f" of {name}" if several else "", (name,)) for name in names]
+    tried = [(_VARIANTS[0], of, which) for of, which in chosen]
+    if several:
+        tried.append((_VARIANTS[0], " of all sources", tuple(names)))
+    if problem.shape[2] % 2:  # the lowest of an even number of frequencies has no counterpart
+        tried += [(one, " of all sources" if several else "", tuple(names)) for one in _VARIANTS[1:]]
+    meant = []
+    for variant, of, which in tried:
+        rows = [variant.rows(one.rows) if one.name in which else one.rows for one in problem.sources]
+        if any(not np.allclose(new, one.rows) for new, one in zip(rows, problem.sources, strict=True)):
+            pairs = zip(rows, problem.sources, strict=True)
+            changed = tuple(replace(one, rows=new) for new, one in pairs)
+            meant.append(_Meant(variant.name.replace("the basis", f"the basis{of}"), variant.question, changed))
+    return meant
+
+
+def _height(problem: Problem, sources: Sequence[Source]) -> float:
+    """The sum over the sources of the highest level of a matched filter of unknown waveform."""
+    atoms = (Atoms(one, problem.shape) for one in sources)
+    return sum(float(Polynomial(one, problem.y).levels_on_grid().max()) for one in atoms)
+
+
+def _criterion(channels: Sequence[Channel], left: float, problem: Problem) -> float:
+    """The Bayesian information criterion in noise of unknown level."""
+    samples = 2 * problem.y.size
+    return float(samples * np.log(max(left, _ROUNDING)) + unknowns(channels) * np.log(samples))

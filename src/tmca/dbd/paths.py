@@ -1,0 +1,146 @@
+"""Targets and paths by their names: one row each, with units, as plain numbers, a data frame or labelled arrays."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.dbd.channel import Channel
+from tmca.dbd.model import AXES, Problem, Real, centred, from_zero, is_radar
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from tmca.dbd.recovery import Recovery
+
+_SHARED = {
+    "delay": ("1", "delay over the useful time of an interval"),
+    "doppler": ("1", "Doppler over the pulse repetition frequency"),
+    "angle": ("1", "antenna spacing in wavelengths times the sine of the angle"),
+    "delay_s": ("s", "delay"),
+    "doppler_hz": ("Hz", "Doppler"),
+    "range_m": ("m", "range of a target"),
+    "length_m": ("m", "length of a path"),
+    "velocity_m_s": ("m/s", "radial velocity, positive away"),
+    "angle_deg": ("degree", "angle from broadside"),
+    "gain_real": ("", "real part of the gain"),
+    "gain_imag": ("", "imaginary part of the gain"),
+    "power_db": ("dB", "power, 20 log10 of the gain"),
+}
+"""Unit and meaning of every number of a path."""
+WORDS = ("name", "role", "source", "relative_doppler")
+
+
+def path_rows(recovery: Recovery) -> list[dict[str, Any]]:
+    """A row for every target and path, the nearest of each source first.
+
+    ``name`` is such as ``target 1`` or ``path 2`` (with the source where several have targets or paths), ``role`` is
+    ``radar`` or ``communications``. Numbers that have a Cramér–Rao bound at the estimated noise have a column more,
+    ``…_std``, one standard deviation. What does not apply is None.
+    """
+    names, rows = path_names(recovery), []
+    for channel in recovery:
+        for index in map(int, np.argsort(channel.points[:, 0])):
+            row: dict[str, Any] = {"name": names[channel.name, index], "role": _role(channel), "source": channel.name}
+            rows.append(row | {"relative_doppler": channel.relative_doppler} | _numbers(channel, index, recovery))
+    return rows
+
+
+def path_names(recovery: Recovery) -> dict[tuple[str, int], str]:
+    """Names by source and index: targets and paths are counted from 1, from the least delay on."""
+    roles, names = [_role(one) for one in recovery], {}
+    for channel in recovery:
+        word = "target" if is_radar(channel.name) else "path"
+        of = f"{channel.name} " if roles.count(_role(channel)) > 1 else ""
+        for number, index in enumerate(map(int, np.argsort(channel.points[:, 0])), start=1):
+            names[channel.name, index] = f"{of}{word} {number}"
+    return names
+
+
+def _role(channel: Channel) -> str:
+    return "radar" if is_radar(channel.name) else "communications"
+
+
+def _numbers(channel: Channel, index: int, recovery: Recovery) -> dict[str, float | None]:
+    found = coordinates(channel, index) | quantities(channel, index, recovery.problem)
+    gain = complex(channel.amplitudes[index])
+    with np.errstate(divide="ignore"):
+        power = float(20 * np.log10(abs(gain)))
+    found |= {"gain_real": (gain.real, None), "gain_imag": (gain.imag, None), "power_db": (power, None)}
+    numbers: dict[str, float | None] = {}
+    for name in _SHARED:
+        value, bound = found.get(name, (np.nan, None))
+        numbers[name] = finite(value)
+        if name not in ("gain_real", "gain_imag", "power_db"):
+            numbers[f"{name}_std"] = None if bound is None or numbers[name] is None else finite(bound)
+    return numbers
+
+
+def finite(value: float) -> float | None:
+    """A plain number, None for NaN and infinity."""
+    return float(value) if np.isfinite(value) else None
+
+
+def coordinates(source: Channel, index: int) -> dict[str, tuple[float, float | None]]:
+    """Normalised delay, Doppler and angle of a path with their deviations."""
+    bounds = [None] * len(AXES) if source.bounds is None else source.bounds[index]
+    return dict(zip(AXES, zip(source.points[index], bounds, strict=True), strict=True))
+
+
+def quantities(source: Channel, index: int, problem: Problem) -> dict[str, tuple[float, float | None]]:
+    """Delay, Doppler, range or length, velocity and angle of a path with their deviations, where there are units."""
+    units, found = problem.units, {}
+    if units is None:
+        return {}
+    names = ("range_m" if is_radar(source.name) else "length_m", "velocity_m_s", "angle_deg")
+    scales = {0: ("delay_s", units.delay_s), 1: ("doppler_hz", units.doppler_hz)}
+    for axis, (coordinate, bound) in enumerate(coordinates(source, index).values()):
+        value: Real = np.asarray(coordinate)
+        value = from_zero(value, problem.shape[2]) if axis == 0 else centred(value)
+        if not np.isfinite(value):
+            continue
+        if axis in scales:
+            name, scale = scales[axis]
+            found[name] = (float(value) * scale, None if bound is None else float(bound) * scale)
+        if axis != 1 or units.carrier_hz is not None:
+            spread = None if bound is None else float(units.deviation(value, np.asarray(bound), axis, source.name))
+            found[names[axis]] = (float(units.physical(value, axis, source.name)), spread)
+    return found
+
+
+def path_frame(recovery: Recovery) -> pd.DataFrame:
+    """:func:`path_rows` as a data frame; columns of numbers that apply to no path are left out."""
+    import pandas as pd
+
+    rows = path_rows(recovery)
+    frame = pd.DataFrame(rows, columns=list(rows[0]) if rows else [*WORDS, *_SHARED])
+    numbers = [name for name in frame if name not in WORDS]
+    frame[numbers] = frame[numbers].astype(float)
+    return frame.drop(columns=[name for name in numbers if rows and frame[name].isna().all()])
+
+
+def path_dataset(recovery: Recovery) -> xr.Dataset:
+    """:func:`path_rows` along one dimension ``path``, with units, and what was said of the recovery as attributes."""
+    import xarray as xr
+
+    frame = path_frame(recovery)
+    words = {name: ("path", frame[name].to_numpy()) for name in WORDS if name != "name"}
+    variables = {}
+    for name in (one for one in frame if one not in WORDS):
+        unit, meaning = _SHARED[name.removesuffix("_std")]
+        about = {"units": unit, "long_name": meaning + ", standard deviation" * name.endswith("_std")}
+        variables[name] = ("path", frame[name].to_numpy(), about)
+    about = {
+        "method": recovery.method, "found": int(recovery.found), "exact": int(recovery.exact),
+        "certificate": recovery.certificate_status, "unexplained": recovery.unexplained, "notes": list(recovery.notes),
+    }  # fmt: skip
+    if recovery.sigma is not None:
+        about["sigma"] = recovery.sigma
+    return xr.Dataset(variables, {"path": frame["name"].to_numpy(), **words}, about)
+
+
+def path_csv(recovery: Recovery) -> str:
+    """:func:`path_frame` as comma-separated values with a line of names."""
+    return str(path_frame(recovery).to_csv(index=False))

@@ -1,0 +1,201 @@
+"""A study of one's own scenes, sensor, codes and decoders, described by names and files: what a YAML would say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tmca.applications import application_of
+from tmca.cameras import CAMERAS
+from tmca.data import read_dataset
+from tmca.data.scene_names import named_scenes, short_names
+from tmca.data.scenes import scene_kind
+from tmca.errors import DataError, SettingError, TmcaError, check_choice, did_you_mean
+from tmca.evaluation.camera import Settings, evaluation_of
+from tmca.evaluation.study import Study, checked_study, usual_settings
+from tmca.sensor import Sensor
+from tmca.specs import SensorSpec, spec_of
+from tmca.yaml_files import read_yaml
+
+DESIGNED = "designed"
+"""Codes that are searched for the sensor."""
+_USUAL = {
+    "spectral": ("cassi", "one-hot", "two-bucket"),
+    "light-field": ("clfp", "one-hot", "two-bucket"),
+    "spectral-depth": ("quick-diffractive", "quick"),
+}
+"""Codes that are compared where none are named."""
+_OF_SCENE = ("size", "bands", "views")
+_SEARCH: dict[str, Settings] = {
+    "spectral-depth": {"effort": {"starts": 1, "steps": 20, "rate": 0.003}},
+    "": {"period": [16, 16], "effort": {"descents": 3, "steps": 20, "flips": 200}, "gains": False, "static": 1},
+}
+"""A short search, of phase masks and of other codes."""
+_DESIGN: dict[str, Settings] = {
+    "spectral-depth": {
+        "camera": {"slots": 4, "shutter": "one-hot", "mask": "zernike", "filters": "gaussian"}, "search": {},
+    },
+    "": {"camera": {"slots": 4}, "search": {"kind": "free", "slots": 4}},
+}  # fmt: skip
+_VIEWS = (270, 480)
+"""Most rows and columns of a light field that are measured where no crop is asked for."""
+
+
+def own_study(
+    scenes: Sequence[str],
+    *,
+    camera: str | None = None,
+    sensor: Mapping[str, Mapping[str, Any]] | str | Path | None = None,
+    codes: Sequence[str] = (),
+    decoders: Sequence[str] = (),
+    crop: tuple[int, int] | None = None,
+    bands: int | None = None,
+    seeds: int = 1,
+    reading: Mapping[str, Any] | None = None,
+) -> Study:
+    """The study of some scenes, with a figure for a paper and a page.
+
+    Priors are those of the rendered scenes, or learn from the others of these where one of them is measured.
+
+    Args:
+        scenes: that are measured: files, names of rendered ones, or split files.
+        camera: its kind; what the scenes are for if None.
+        sensor: name of a noise → arguments of `Sensor`, or a YAML file of one sensor or of several by their names; an
+            ideal one if None.
+        codes: names of presets, ``designed``, or files of codes or snapshots; some usual ones without.
+        decoders: by their names; the usual one without.
+        crop: (H, W) middle of every scene.
+        bands: of a spectral camera, nearest to even spacing from 400 to 700 nm; 12, or all of a scene with fewer.
+        seeds: how many draws of codes and noise.
+        reading: further entries of the camera's reading.
+
+    Raises:
+        SettingError: no scenes, scenes of several cameras, codes or a sensor that there are not.
+        DataError: a file that cannot be read.
+    """
+    sources = list(named_scenes(scenes))
+    if not sources:
+        raise SettingError("scenes", "none", "files or names of rendered scenes")
+    kind = camera or _kind_of(sources)
+    application_of(kind)
+    noises = sensor if isinstance(sensor, Mapping) else {"noise-free": {}} if sensor is None else read_sensors(sensor)
+    names = short_names(sources)
+    described: Settings = {
+        **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
+        "scenes": {"train": _learned_from(kind, sources), "test": sources},
+        "reading": {**_reading(kind, sources, crop, bands), **(reading or {})},
+        "codes": _codes(kind, codes), "noises": noises, "seeds": seeds, "patches": 0,
+        "decoders": list(decoders) or [application_of(kind).default_decoder],
+        "figure": True, "shown": None, "shown_noise": next(iter(noises)),
+    }  # fmt: skip
+    described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
+    if kind == "spectral-depth":
+        described["reading"]["preset"] = _seen_alike(described["codes"])
+    return checked_study(described, "study")
+
+
+def read_sensors(file: str | Path) -> dict[str, dict[str, Any]]:
+    """Name → arguments of `Sensor` of a YAML file: of one sensor, named after the file, or of several by their names.
+
+    Raises:
+        DataError: no such file, or an entry that no sensor has.
+    """
+    stored = read_yaml(file, "YAML with a sensor, such as full_well: 10000, or several by their names")
+    several = all(isinstance(value, Mapping) for value in stored.values())
+    sensors = stored if several else {Path(file).stem: stored}
+    return {str(name): _sensor(f"{file}: {name}" if several else str(file), one) for name, one in sensors.items()}
+
+
+def _sensor(where: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Checked arguments of a sensor."""
+    try:
+        given = spec_of(SensorSpec, {name: value for name, value in values.items() if value is not None}).given()
+        Sensor(**given)
+    except TmcaError as error:
+        raise DataError(f"{where}: {error.where}", error.found, error.expected, error.remedy) from None
+    return dict(given)
+
+
+def _kind_of(sources: Sequence[str]) -> str:
+    """Of the camera that all scenes are for."""
+    kinds = {source: scene_kind(source) for source in sources}
+    if len({*kinds.values()}) > 1:
+        said = ", ".join(f"{Path(source).name} ({kind})" for source, kind in kinds.items())
+        raise SettingError("camera", f"scenes for several: {said}", "one of them", "name it with --camera")
+    return next(iter(kinds.values()))
+
+
+def _learned_from(kind: str, sources: Sequence[str]) -> list[str]:
+    """Rendered scenes to learn from, none of them measured; none where the cached prior of all of them will do."""
+    rendered = sorted(evaluation_of(kind).rendered().get("train", ()))
+    stems = {source.partition(":")[0] for source in sources}
+    needed = kind == "spectral-depth" or bool(stems & {*rendered})
+    return [name for name in rendered if name not in stems] if needed else []
+
+
+def _reading(kind: str, sources: Sequence[str], crop: tuple[int, int] | None, bands: int | None) -> Settings:
+    """How scenes of a camera are read."""
+    if bands is not None and kind != "spectral":
+        raise SettingError("bands", str(bands), f"none of a {kind} camera", "leave it out")
+    if kind == "spectral":
+        least = min(int(application_of(kind).read(source).sizes["wavelength"]) for source in sources)
+        return {"bands": bands or least, **({} if crop is None else {"size": crop})}
+    if kind == "light-field":
+        frame = crop or _least_frame(sources)
+        return {"frame": frame, "rendered": crop or (128, 160), "crop": tuple(min(96, side) for side in frame)}
+    if kind == "spectral-depth":
+        return {"side": max(256, min(crop)) if crop else 256, **({} if crop is None else {"crop": crop})}
+    return {} if crop is None else {"size": crop}
+
+
+def _least_frame(sources: Sequence[str]) -> tuple[int, int]:
+    """Rows and columns that all light fields have."""
+    sizes = [application_of("light-field").read(source).sizes for source in sources]
+    return min(_VIEWS[0], *(int(one["y"]) for one in sizes)), min(_VIEWS[1], *(int(one["x"]) for one in sizes))
+
+
+def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
+    """Codes of a study by their names; the usual ones without any."""
+    presets = CAMERAS[kind].presets
+    chosen = list(named) or [name for name in _USUAL.get(kind, tuple(presets)) if name in presets]
+    if not chosen:
+        return {"usual": {}}
+    for name in chosen:
+        if chosen.count(name) > 1:
+            raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
+    return {Path(name).stem if Path(name).suffix else name: _code(kind, name) for name in chosen}
+
+
+def _code(kind: str, name: str) -> Settings:
+    """One entry of ``codes``."""
+    presets = CAMERAS[kind].presets
+    if name in presets:
+        own = {"preset": name} if kind == "spectral-depth" else presets[name]
+        return {"camera": {key: value for key, value in own.items() if key not in _OF_SCENE}}
+    if name == DESIGNED:
+        return _DESIGN.get(kind, _DESIGN[""])
+    if not Path(name).suffix:
+        known = [*presets, DESIGNED]
+        expected = f"{', '.join(known)}, or a file of codes or a snapshot"
+        raise SettingError("codes", repr(name), expected, did_you_mean(name, known))
+    _check_kind(kind, name)
+    return {"file": name}
+
+
+def _check_kind(kind: str, file: str) -> None:
+    """Raises DataError where a snapshot is of another kind of camera."""
+    stored = read_dataset(file, ())
+    if "snapshot" in stored and stored.attrs.get("camera", kind) != kind:
+        raise DataError(file, f"a {stored.attrs['camera']} snapshot", f"codes of a {kind} camera")
+
+
+def _seen_alike(codes: Mapping[str, Settings]) -> str:
+    """The preset whose bands and depths all codes are for."""
+    named = [one["camera"]["preset"] for one in codes.values() if "preset" in one.get("camera", {})] or ["quick"]
+    presets = CAMERAS["spectral-depth"].presets
+    for name in named[1:]:
+        if presets[name]["bands"] != presets[named[0]]["bands"]:
+            raise SettingError("codes", f"{named[0]} beside {name}", "cameras of the same bands", "leave one out")
+    check_choice("codes", named[0], presets)
+    return str(named[0])

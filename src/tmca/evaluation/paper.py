@@ -1,0 +1,105 @@
+"""What a study is shown by: a figure for a paper of every scene, and one page with the tables and these figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.applications.report import Section, write_report
+from tmca.data import read_dataset
+from tmca.evaluation.grid import Measured
+from tmca.evaluation.page import sections, slug
+from tmca.evaluation.study import Study
+from tmca.evaluation.tables import Column, Row, grouped
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_PRINTED, _READ, _MORE = 400, 200, 110
+"""Dots per inch of pictures for print, of the first one of a page, and of the others."""
+_DRAWN = 8
+"""Most scenes of a page that are drawn in it."""
+
+
+def paper_files(study: Study, scenes: Sequence[str]) -> list[str]:
+    """Names of the figures of scenes, and of the page; none of a study without."""
+    if not study.figure:
+        return []
+    return [f"{stem}{suffix}" for stem in _stems(study, scenes).values() for suffix in (".pdf", ".png")] + [
+        f"{study.name}.html"
+    ]
+
+
+def _stems(study: Study, scenes: Sequence[str]) -> dict[str, str]:
+    """Scene → file of its figure without a suffix: the study's name for the first."""
+    return {scene: study.name if not place else f"{study.name}_{slug(scene)}" for place, scene in enumerate(scenes)}
+
+
+def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Path, overwrite: bool) -> None:
+    """Draw truth and estimates of every scene, and write the page; nothing of a study without a figure."""
+    from tmca.plots.style import save_figure
+
+    if not study.figure:
+        return
+    stems, figures = _stems(study, found["split"]["test"]), {}
+    shown = [cell for cell in measured if cell.get("estimate") and not cell["part"]]
+    for (scene,), cells in grouped(shown, "scene").items():
+        figures[scene] = figure = scene_figure(study, cells)
+        for suffix in (".pdf", ".png"):
+            save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
+    title = study.title or f"{study.name}: codes and decoders"
+    write_report(out / f"{study.name}.html", title, _page(study, found, figures), overwrite=overwrite)
+
+
+def scene_figure(study: Study, cells: Sequence[Measured]) -> Figure:
+    """Estimates of a scene side by side: a column for every code, a row for every decoder."""
+    from tmca.plots.side_by_side import side_by_side
+
+    labels = study.decoder_labels
+    estimates = {(cell["code"], labels[cell["decoder"]]): read_dataset(cell["estimate"], ()) for cell in cells}
+    return side_by_side(estimates, study.evaluation.truth(study, cells[0]))
+
+
+def summary(study: Study, found: Row) -> tuple[list[Row], list[Column]]:
+    """Rows and columns of the table of codes, decoders and noises that people read first."""
+    labels = study.decoder_labels
+    rows = [{**row, "label": labels.get(row["decoder"], row["decoder"])} for row in found["rows"]]
+    columns: list[Column] = [("code", "code", ""), ("label", "decoder", "")]
+    columns += [("noise", "noise", "")] if len(study.noises) > 1 else []
+    columns += [*study.evaluation.columns, ("throughput", "light", ".1%"), ("seconds", "seconds", ".1f")]
+    return rows, [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
+
+
+def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]:
+    """What was compared, the table, the figures, and all the tables."""
+    rows, columns = summary(study, found)
+    made = [Section("Results", _about(study, found), rows, columns)]
+    for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
+        figure.set_dpi(_MORE if place else _READ)
+        under = f" under {study.shown_noise}" if len(study.noises) > 1 else ""
+        said = [f"The first seed{under}. Numbers in the pictures are PSNR over all that is measured of the scene."]
+        made.append(Section(f"Side by side: {scene}", said, figures={f"Truth and estimates of {scene}": figure}))
+    return [*made, *sections(found, study), *_how(found)]
+
+
+def _about(study: Study, found: Row) -> list[str]:
+    """What was measured, on what, in two sentences."""
+    learned = ", ".join(found["split"]["train"]) or "the rendered scenes that come with tmca"
+    noises = "; ".join(f"{name} ({_said(values)})" for name, values in study.noises.items())
+    seeds = f"{study.seeds} seeds" if study.seeds > 1 else "one seed"
+    return [
+        f"{len(study.codes)} codes and {len(study.decoders)} decoders of a {study.camera} camera on "
+        f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.",
+        f"Sensor: {noises}. Priors learn from {learned}, never from a measured scene.",
+    ]
+
+
+def _said(sensor: dict[str, Any]) -> str:
+    return ", ".join(f"{name.replace('_', ' ')} {value:g}" for name, value in sensor.items()) or "without noise"
+
+
+def _how(found: Row) -> list[Section]:
+    """How to come by it again."""
+    called = f"Command: {found['command']}" if found["command"] else "Called from Python."
+    return [Section("How it was made", [called, "The JSON file beside this page holds the study and all numbers."])]

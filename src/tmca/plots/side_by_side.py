@@ -1,0 +1,168 @@
+"""Estimates side by side for a paper: what is drawn of cubes, of light fields, of scenes with depth, and of others."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tmca.metrics import psnr
+from tmca.plots.cube import rgb_composite, sample_points, white_level
+from tmca.plots.light_field import centre_view, error_top
+from tmca.plots.paper import Curves, Panels, Picture, Scale, paper_figure
+from tmca.plots.style import bright_level, rms
+from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+Name = tuple[str, str]
+"""Of a column, of a row."""
+_UNIT = "relative irradiance"
+_POINTS = 3
+_SLICE = 0.22
+"""Height of an epipolar picture as a share of its width."""
+_AVERAGED = ("frame", "slot")
+"""Axes of time, over which an estimate is shown as its mean."""
+
+
+def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None) -> Figure:
+    """Estimates of one scene in a figure for a paper, beside the truth with error maps and PSNR where it is known.
+
+    Args:
+        estimates: (name of the column, name of the row) → as `Estimate.to_xarray` labels it; all of one shape.
+        truth: the scene, brought to the camera: its radiance, or with its depth.
+    """
+    still = {name: one.mean([axis for axis in _AVERAGED if axis in one.dims]) for name, one in estimates.items()}
+    first = next(iter(estimates.values()))
+    if "depth" in first:
+        return paper_figure(_with_depth(still, truth, first.attrs))
+    values = {name: one["estimate"].values for name, one in still.items()}
+    real = None if truth is None else np.asarray(getattr(truth, "values", truth))
+    if "wavelength" in first["estimate"].dims:
+        return paper_figure(_cubes(values, real, first["estimate"]["wavelength"].values.tolist()))
+    return paper_figure(_views(values, real) if "view_v" in first["estimate"].dims else _others(values, real))
+
+
+def _cubes(values: Mapping[Name, np.ndarray], truth: np.ndarray | None, waves: Sequence[float]) -> Panels:
+    """Colour composites, error maps, and spectra at points."""
+    reference = next(iter(values.values())) if truth is None else truth
+    white, points = white_level(reference, waves), sample_points(reference, _POINTS)
+    errors = _Errors(values, truth)
+    estimates = {
+        name: [Picture(rgb_composite(cube, waves, white), text=_level(cube, truth)), *errors.maps(name)]
+        for name, cube in values.items()
+    }
+    real = () if truth is None else (Picture(rgb_composite(truth, waves, white), marks=points),)
+    return Panels(estimates, real, errors.scales(), _spectra(values, truth, waves, points))
+
+
+def _spectra(
+    values: Mapping[Name, np.ndarray],
+    truth: np.ndarray | None,
+    waves: Sequence[float],
+    points: Sequence[tuple[int, int]],
+) -> list[Curves]:
+    """Of the truth, and of the best estimate of every column; of the first one where the truth is not known."""
+    best: dict[str, tuple[float, Name]] = {}
+    for name, cube in values.items():
+        level = 0.0 if truth is None else psnr(cube, truth)
+        if name[0] not in best or level > best[name[0]][0]:
+            best[name[0]] = level, name
+    several = len({row for _, row in values}) > 1
+    lines = {f"{name[0]}, {name[1]}" if several else name[0]: values[name] for _, name in best.values()}
+    cubes = {**({} if truth is None else {"truth": truth}), **lines}
+    nanometres = np.asarray(waves) * 1e9
+    return [
+        Curves(f"point {number}", nanometres, {name: cube[:, row, column] for name, cube in cubes.items()},
+               ("wavelength (nm)", _UNIT))
+        for number, (row, column) in enumerate(points, 1)
+    ]  # fmt: skip
+
+
+def _views(values: Mapping[Name, np.ndarray], truth: np.ndarray | None) -> Panels:
+    """Centre views, epipolar pictures of one row below them, and error maps."""
+    reference = next(iter(values.values())) if truth is None else truth
+    white, row = brightest(reference), liveliest(reference)[0]
+    errors = _Errors(values, truth)
+
+    def drawn(field: np.ndarray, text: str) -> list[Picture]:
+        slice_of_row = shown(horizontal_slice(colour_views(field), row), white)
+        return [Picture(centre_view(field, white), text=text), Picture(slice_of_row, height=_SLICE)]
+
+    estimates = {name: [*drawn(field, _level(field, truth)), *errors.maps(name)] for name, field in values.items()}
+    return Panels(estimates, () if truth is None else drawn(truth, ""), errors.scales())
+
+
+def _with_depth(estimates: Mapping[Name, xr.Dataset], truth: Any, about: Mapping[str, Any]) -> Panels:
+    """Colour composites, depth maps, their errors, and spectra."""
+    cubes = {name: one["radiance"].values for name, one in estimates.items()}
+    depths = {name: one["depth"].values for name, one in estimates.items()}
+    waves = next(iter(estimates.values()))["radiance"]["wavelength"].values.tolist()
+    cube, depth = (None, None) if truth is None else (truth["radiance"].values, truth["depth"].values)
+    panels, ends = _cubes(cubes, cube, waves), _ends(depths, depth, about)
+    off = {} if depth is None else {name: np.abs(one - depth) for name, one in depths.items()}
+    scales = {"depth": Scale("depth (m)", "turbo_r", *ends)}
+    scales |= {"off": Scale("depth error (m)", "magma", 0.0, error_top([*off.values()]))} if off else {}
+    drawn = {
+        name: [pictures[0], Picture(depths[name], "depth", f"{np.nanmean(off[name]):.3f} m off" if off else ""),
+               *([Picture(off[name], "off")] if off else [])]
+        for name, pictures in panels.estimates.items()
+    }  # fmt: skip
+    real = () if depth is None else (*panels.truth, Picture(depth, "depth"))
+    return Panels(drawn, real, scales, panels.curves)
+
+
+def _ends(depths: Mapping[Name, np.ndarray], truth: np.ndarray | None, about: Mapping[str, Any]) -> tuple[float, float]:
+    """Nearest and farthest depth that is shown: those of the camera's planes, or of the maps."""
+    if "depth_planes" in about:
+        planes = json.loads(about["depth_planes"])
+        return float(planes["near"]), float(planes["far"])
+    maps = [one for one in (*depths.values(), truth) if one is not None]
+    return min(float(np.nanmin(one)) for one in maps), max(float(np.nanmax(one)) for one in maps)
+
+
+def _others(values: Mapping[Name, np.ndarray], truth: np.ndarray | None) -> Panels:
+    """Means over all axes but rows and columns, and error maps."""
+    reference = next(iter(values.values())) if truth is None else truth
+    top, errors = bright_level(_mean(reference)), _Errors(values, truth)
+    scale = {"mean": Scale("mean", "gray", 0.0, top)}
+    estimates = {
+        name: [Picture(_mean(one), "mean", _level(one, truth)), *errors.maps(name)] for name, one in values.items()
+    }
+    real = () if truth is None else (Picture(_mean(truth), "mean"),)
+    return Panels(estimates, real, {**errors.scales(), **scale})
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    return values.reshape(-1, *values.shape[-2:]).mean(0)
+
+
+def _level(values: np.ndarray, truth: np.ndarray | None) -> str:
+    return "" if truth is None else f"{psnr(*_flat(values, truth)):.1f} dB"
+
+
+def _flat(*several: np.ndarray) -> list[np.ndarray]:
+    """All bands or views on one axis."""
+    return [values.reshape(-1, *values.shape[-2:]) for values in several]
+
+
+class _Errors:
+    """Error maps of estimates on one scale; none where the truth is not known."""
+
+    def __init__(self, values: Mapping[Name, np.ndarray], truth: np.ndarray | None) -> None:
+        self.errors = {} if truth is None else {name: rms(one - truth) for name, one in values.items()}
+
+    def maps(self, name: Name) -> list[Picture]:
+        """That of an estimate."""
+        return [Picture(self.errors[name], "error")] if self.errors else []
+
+    def scales(self) -> dict[str, Scale]:
+        """Theirs: 99 of a hundred pixels lie below its end."""
+        if not self.errors:
+            return {}
+        top = float(np.quantile(np.concatenate([one.ravel() for one in self.errors.values()]), 0.99)) or 1.0
+        return {"error": Scale("error, rms", "magma", 0.0, top)}

@@ -1,0 +1,126 @@
+"""Several snapshots, decoders and estimates in one command: one table, one picture, nothing lost where one fails."""
+
+import json
+
+import pytest
+import torch
+
+from tests.cli.refusals import refused
+from tmca.cameras import SpectralCamera
+from tmca.cli import main
+from tmca.data import read_dataset
+from tmca.decoders import DECODERS
+from tmca.errors import SettingError
+from tmca.lab.decoder_files import decoder_named, decoders_named, loaded
+
+MINE = """
+from tmca.decoders import Decoder
+
+class Mine(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        return 0.1 * prepared.A_adjoint(values)
+
+class Breaks(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        raise RuntimeError("no weights at hand")
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, capsys):
+    """A folder with two snapshots of one scene and a file of decoders; the current one."""
+    monkeypatch.chdir(tmp_path)
+    for name, preset in (("static", "cassi"), ("buckets", "two-bucket")):
+        main(["simulate", "spectral", "coffee", "--preset", preset, "--crop", "20x24", "--bands", "4",
+              "--out", f"{name}_snapshot.nc", "--no-figures"])  # fmt: skip
+    (tmp_path / "mine.py").write_text(MINE)
+    capsys.readouterr()
+    return tmp_path
+
+
+def test_snapshots_times_decoders_are_written_and_drawn_side_by_side(here, capsys):
+    main(["reconstruct", "static_snapshot.nc", "buckets_snapshot.nc", "-d", "dagger,mine.py:Mine", "--truth", "coffee",
+          "--out", "all", "--json"])  # fmt: skip
+    told = json.loads(capsys.readouterr().out)
+    assert [(one["estimate"], one["decoder"]) for one in told] == [
+        (f"all/{name}_{decoder}.nc", decoder) for name in ("static", "buckets") for decoder in ("dagger", "Mine")
+    ]
+    assert (here / "all" / "comparison.png").exists()
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger", "--truth", "coffee", "--json", "--no-figures"])
+    alone = json.loads(capsys.readouterr().out)
+    assert alone["metrics"] == told[0]["metrics"]
+    for file in ("all/static_dagger.nc", "static_dagger.nc"):
+        assert read_dataset(file, ("estimate",)).attrs["metric_psnr"] == alone["metrics"]["psnr"]
+    main(["evaluate", "all/static_dagger.nc", "all/buckets_dagger.nc", "coffee", "--figure", "both.png", "--json"])
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["estimate"] for row in rows] == ["all/static_dagger.nc", "all/buckets_dagger.nc"]
+    assert rows[0]["psnr"] == pytest.approx(alone["metrics"]["psnr"])
+    assert (here / "both.png").exists()
+
+
+def test_one_that_fails_does_not_cost_the_others(here, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["reconstruct", "static_snapshot.nc", "-d", "mine.py:Breaks,dagger", "--no-figures"])
+    assert stop.value.code == 2
+    told = capsys.readouterr()
+    assert "static_dagger.nc: dagger" in told.out
+    assert "fails with RuntimeError: no weights at hand (line 10)" in told.err
+    assert (here / "static_dagger.nc").exists()
+    alone = refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "mine.py:Breaks")
+    assert "Breaks of " in alone
+
+
+def test_a_setting_goes_to_the_decoders_that_have_it(here, capsys):
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger,admm-tv", "--set", "iterations=2", "--no-figures"])
+    assert int(read_dataset("static_admm-tv.nc", ()).attrs["iterations"]) == 2
+    said = refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,mine.py:Mine", "--set", "iterations=2")
+    assert "a setting of none of dagger, Mine" in said
+
+
+def test_several_need_a_folder_and_names_of_their_own(here, capsys):
+    assert "a folder" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,admm-tv", "--out", "x.nc")
+    again = ("reconstruct", "static_snapshot.nc", "static_snapshot.nc", "-d", "dagger")
+    assert "several for static_dagger.nc" in refused(capsys, *again)
+    assert "dagger twice" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,dagger")
+
+
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
+def test_a_truth_of_another_scene_is_told_and_the_work_goes_on(here, capsys):
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger,mine.py:Mine", "--truth", "rocket", "--no-figures"])
+    assert "rocket is beside a snapshot of coffee" in capsys.readouterr().err
+    main(["evaluate", "static_dagger.nc", "static_Mine.nc", "rocket"])
+    told = capsys.readouterr()
+    assert "rocket is beside a snapshot of coffee" in told.err
+    assert "| static_Mine.nc |" in told.out
+
+
+def test_sweeps_take_decoders_of_files(here, capsys):
+    main(["sweep", "spectral", "coffee", "--bands", "4", "--crop", "20x24", "--vary", "slots=1,2", "--decoder",
+          "mine.py:Mine", "--json"])  # fmt: skip
+    assert len(json.loads(capsys.readouterr().out)["rows"]) == 2
+
+
+def test_a_decoder_of_a_file_has_a_name_and_is_known_to_other_processes(here):
+    assert decoders_named("lmmse, mine.py:Mine") == ["lmmse", "Mine"]
+    assert DECODERS["Mine"].label == "Mine"
+    assert loaded(["lmmse", "Mine"]) == (f"{here / 'mine.py'}:Mine",)
+    (here / "other.py").write_text(MINE)
+    assert decoder_named("other.py:Mine") == "Mine"  # the one that was named last
+    assert loaded(["Mine"]) == (f"{here / 'other.py'}:Mine",)
+    with pytest.raises(SettingError, match="no file"):
+        decoder_named("none.pt2")
+
+
+def test_an_exported_program_is_a_decoder(here, capsys):
+    camera = SpectralCamera(4, (20, 24), slots=1, shutter="open")
+
+    class Program(torch.nn.Module):
+        def forward(self, values):
+            return values[:, :, :, :24].expand(1, 4, 20, 24) * 0.5
+
+    exported = torch.export.export(Program(), (torch.zeros(1, *camera.snapshot_shape),), strict=False)
+    torch.export.save(exported, here / "half.pt2")
+    main(["reconstruct", "static_snapshot.nc", "-d", "half.pt2", "--no-figures"])
+    taken, found = read_dataset("static_snapshot.nc", ()), read_dataset("static_half.nc", ())
+    wanted = 0.5 * taken["snapshot"].values.reshape(20, -1)[:, :24].clip(0)
+    assert found["estimate"].values[2] == pytest.approx(wanted, abs=1e-6)

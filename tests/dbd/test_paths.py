@@ -1,0 +1,97 @@
+"""Targets and paths by their names, in tables of every kind; how far they are apart."""
+
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tmca.dbd import Units, joint_separation, read_scenario, simulate, solve
+from tmca.dbd.paths import path_csv, path_rows
+from tmca.dbd.separation import Separation
+from tmca.dbd.tables import recovery_lines, recovery_values, separation_line
+
+C = 299_792_458.0
+
+
+@pytest.fixture(scope="module")
+def road():
+    scenario = read_scenario("road")
+    smaller = replace(scenario, pulses=9, targets=scenario.targets[:2], paths=scenario.paths[:1], subspace=2)
+    return solve(smaller.draw().receive())
+
+
+def test_targets_and_paths_have_names_units_and_deviations(road):
+    rows = path_rows(road)
+    assert [row["name"] for row in rows] == ["target 1", "target 2", "path 1"]
+    assert [row["role"] for row in rows] == ["radar", "radar", "communications"]
+    for row, metres, speed in zip(rows, (60, 150, 90), (10, -35, 5), strict=True):
+        name, trips = ("range_m", 2) if row["role"] == "radar" else ("length_m", 1)
+        assert abs(row[name] - metres) < 5 * row[f"{name}_std"] < 5
+        assert abs(row["velocity_m_s"] - speed) < 5 * row["velocity_m_s_std"] < 8
+        assert row["delay_s"] == pytest.approx(row[name] * trips / C)
+        assert row["doppler_hz"] == pytest.approx(trips * 77e9 * row["velocity_m_s"] / C)
+        assert row["delay_s_std"] == pytest.approx(row[f"{name}_std"] * trips / C)
+        assert row["power_db"] == pytest.approx(10 * np.log10(row["gain_real"] ** 2 + row["gain_imag"] ** 2))
+
+
+def test_frames_files_and_arrays_say_the_same(road):
+    frame, back = road.to_pandas(), pd.read_csv(StringIO(path_csv(road)))
+    pd.testing.assert_frame_equal(frame, back, check_dtype=False, rtol=1e-12)
+    assert frame.name.tolist() == ["target 1", "target 2", "path 1"]
+    assert "angle" not in frame
+    arrays = road.to_xarray()
+    assert arrays.sizes == {"path": 3}
+    assert arrays.range_m.attrs["units"] == "m"
+    assert arrays.attrs["unexplained"] == road.unexplained
+    np.testing.assert_array_equal(arrays.delay_s.sel(path="path 1"), frame.delay_s[2])
+    assert recovery_values(road)["paths"] == path_rows(road)
+
+
+def test_without_a_carrier_dopplers_stay_in_hertz():
+    problem = replace(simulate(M=9, P=5, J=2, targets=1, paths=1, seed=2), units=Units(1e-6, 2e4))
+    frame = solve(problem, certify=False).to_pandas()
+    assert "velocity_m_s" not in frame
+    assert {"doppler_hz", "range_m", "length_m"} <= set(frame)
+    assert frame.doppler_hz.abs().max() <= 1e4
+
+
+def test_nothing_recovered_is_an_empty_table():
+    problem = simulate(M=7, P=5, J=2, targets=1, paths=0, seed=2, snr_db=-40)
+    recovery = solve(problem)
+    assert recovery.to_pandas().empty
+    assert recovery.to_xarray().sizes == {"path": 0}
+    assert "no paths" in recovery_lines(recovery)[0]
+
+
+def test_joint_separation_is_the_least_distance_of_any_two_of_all_sources():
+    problem = simulate(M=9, P=5, J=2, targets=2, paths=1, seed=0)
+    recovery = solve(problem, certify=False)
+    points = np.concatenate([one.points for one in problem.truth])
+    for one, samples in zip(joint_separation(recovery.sources), (9, 5), strict=True):
+        axis = ("delay", "doppler").index(one.axis)
+        least = min(
+            min(abs(a - b), 1 - abs(a - b)) for i, a in enumerate(points[:, axis]) for b in points[i + 1 :, axis]
+        )
+        assert one.least == pytest.approx(least, abs=1e-6)
+        assert one.needed == 1 / (samples - 1)
+        assert one.satisfied == (least > 1 / (samples - 1))
+    assert separation_line(recovery).startswith("joint separation (Monsalve et al. 2022): ")
+    assert recovery_values(recovery)["joint_separation"]["delay"]["needed"] == 0.125
+
+
+@pytest.mark.parametrize(("apart", "count"), [(0.13, 7), (0.2, 5), (0.24, 4)])
+def test_points_that_are_jointly_apart_have_a_well_conditioned_matrix(apart, count):
+    rng, samples = np.random.default_rng(count), 13
+    for _ in range(20):
+        gaps = apart + (1 - apart * count) * rng.dirichlet(np.ones(count))
+        places = np.cumsum(gaps)
+        values = np.linalg.svd(np.exp(2j * np.pi * np.outer(np.arange(samples), places)), compute_uv=False)
+        bound = Separation("delay", float(gaps.min()), 1 / (samples - 1), ()).condition_number
+        assert values[0] / values[-1] <= bound
+
+
+def test_relative_dopplers_do_not_count():
+    problem = simulate(M=13, P=4, J=1, targets=1, paths=2, seed=1, messages="block", basis="gaussian")
+    assert [one.axis for one in joint_separation(solve(problem, certify=False).sources)] == ["delay"]

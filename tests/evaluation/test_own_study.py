@@ -1,0 +1,158 @@
+"""Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures."""
+
+import json
+
+import pytest
+import yaml
+
+from tests.cli.refusals import refused
+from tmca.cli import main
+from tmca.data import read_dataset, write_dataset
+from tmca.data.scenes import load_scene
+from tmca.errors import DataError, SettingError
+from tmca.evaluation.own import own_study, read_sensors
+from tmca.evaluation.run import Plan
+from tmca.evaluation.study import read_study
+
+DECODERS = """
+import torch
+from tmca.decoders import Decoder
+
+class Scaled(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        return 0.1 * prepared.A_adjoint(values)
+
+class Raises(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        raise RuntimeError("no weights at hand")
+
+class Narrow(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        return values
+
+class Unfinished(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        return torch.full((len(values), *prepared.scene_shape), torch.nan)
+"""
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with a scene, a sensor, decoders; the current one."""
+    monkeypatch.chdir(tmp_path)
+    scene = load_scene("coffee", bands=4, size=(26, 34)).to_dataset(name="radiance")
+    write_dataset(scene, tmp_path / "mug.nc")
+    (tmp_path / "sensor.yaml").write_text("full_well: 20000\nread_noise_electrons: 4\n")
+    (tmp_path / "mine.py").write_text(DECODERS)
+    return tmp_path
+
+
+def test_options_say_what_a_yaml_says(here, capsys):
+    main(["study", "mug.nc", "--sensor", "sensor.yaml", "--crop", "20x24", "--codes", "cassi,two-bucket",
+          "--decoders", "dagger", "--json"])  # fmt: skip
+    found = json.loads(capsys.readouterr().out)
+    described = {
+        "camera": "spectral", "scenes": {"test": ["mug.nc"]}, "reading": {"bands": 4, "size": [20, 24]},
+        "codes": {"cassi": {"camera": {"slots": 1, "aperture": "static", "shutter": "open"}},
+                  "two-bucket": {"camera": {"slots": 4, "shutter": "balanced", "buckets": 2}}},
+        "noises": {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}, "decoders": ["dagger"],
+    }  # fmt: skip
+    (here / "same.yaml").write_text(yaml.safe_dump(described))
+    main(["study", "same.yaml", "--json"])
+    same = json.loads(capsys.readouterr().out)
+    levels = [[(row["code"], row["psnr"]) for row in one["rows"]] for one in (found, same)]
+    assert levels[0] == levels[1]
+    written = {file.name for file in (here / "mug-study").iterdir()}
+    assert written == {"cells", *(f"mug.{end}" for end in ("json", "csv", "md", "html", "pdf", "png"))}
+    assert "mug.json" in refused(capsys, "study", "mug.nc", "--codes", "cassi", "--decoders", "dagger")
+    assert (here / "mug-study" / "mug.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
+    named = ",".join(f"mine.py:{name}" for name in ("Scaled", "Raises", "Narrow", "Unfinished"))
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named])
+    table, said = capsys.readouterr()
+    assert "| cassi | Scaled |" in table
+    assert "3 of 4 cells failed (mug · cassi · noise-free · Raises" in said
+    assert "RuntimeError: no weights at hand" in said
+    found = json.loads((here / "mug-study" / "mug.json").read_text())
+    assert [row["decoder"] for row in found["rows"]] == ["Scaled"]
+    reasons = {name.split(" · ")[3]: reason for name, reason in found["failed"].items()}
+    assert "shape (1, 1, 20, 27) from Narrow" in reasons["Narrow"]
+    assert "NaN" in reasons["Unfinished"]
+    assert "no weights at hand" in (here / "mug-study" / "mug.html").read_text()
+
+
+def test_code_in_a_file_runs_only_where_the_command_line_names_it_too(here, capsys):
+    described = {"camera": "spectral", "scenes": {"test": ["mug.nc"]}, "reading": {"bands": 4, "size": [20, 24]},
+                 "codes": {"a": {"camera": {"slots": 1, "shutter": "open"}}}, "noises": {"none": {}},
+                 "decoders": ["dagger", "ran.py:Ran"]}  # fmt: skip
+    (here / "ran.py").write_text(f"open('ran.txt', 'w').close()\n{DECODERS.replace('Scaled', 'Ran')}\n")
+    (here / "theirs.yaml").write_text(yaml.safe_dump(described))
+    said = refused(capsys, "study", "theirs.yaml")
+    assert "ran.py:Ran, which is code" in said
+    assert not (here / "ran.txt").exists()
+    main(["study", "theirs.yaml", "--decoders", "ran.py:Ran", "--json"])
+    assert {row["decoder"] for row in json.loads(capsys.readouterr().out)["rows"]} == {"dagger", "Ran"}
+    assert (here / "ran.txt").exists()
+
+
+def test_codes_of_a_snapshot_are_those_it_was_taken_with(here, capsys):
+    main(["simulate", "spectral", "mug.nc", "--all-bands", "--slots", "2", "--seed", "5", "--crop", "20x24",
+          "--out", "taken.nc", "--no-figures"])  # fmt: skip
+    capsys.readouterr()
+    study = own_study(["mug.nc"], codes=["taken.nc"], crop=(20, 24))
+    evaluation, code = study.evaluation, study.codes["taken"].file
+    shown = evaluation.build({"bands": 4, "size": (20, 24)}, {}, {}, code)
+    stored = read_dataset("taken.nc", ())
+    assert (shown.codes.aperture.tile().numpy() == stored["aperture"].values).all()
+    larger = evaluation.build({"bands": 4, "size": (26, 34)}, {}, {}, code)
+    assert larger.size == (26, 34)
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ({"codes": ["cassy"]}, "did you mean cassi"),
+        ({"codes": ["cassi", "cassi"]}, "cassi twice"),
+        ({"codes": ["none.nc"]}, "none.nc"),
+        ({"camera": "pinhole"}, "pinhole"),
+        ({"camera": "light-field", "bands": 4}, "none of a light-field camera"),
+        ({"sensor": {"odd": {"hiss": 1}}}, "noises.odd"),
+        ({"reading": {"views": 5}}, "views"),
+    ],
+)
+def test_what_makes_no_study_is_one_line(here, how, said):
+    with pytest.raises((SettingError, DataError), match=said) as stop:
+        own_study(["mug.nc"], **how)
+    assert "\n" not in str(stop.value)
+
+
+def test_sensors_of_a_file_are_one_or_several_by_name(here):
+    assert read_sensors("sensor.yaml") == {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}
+    (here / "two.yaml").write_text("dim: {read_noise: 0.1}\nbright: {full_well: 1000, bits: 8}\n")
+    assert read_sensors("two.yaml") == {"dim": {"read_noise": 0.1}, "bright": {"full_well": 1000, "bits": 8}}
+    (here / "odd.yaml").write_text("exposure: 3\n")
+    with pytest.raises(DataError, match=r"odd.yaml.*exposure"):
+        read_sensors("odd.yaml")
+
+
+@pytest.mark.parametrize(("scene", "learned"), [("coffee", set()), ("astronaut", {"astronaut"})])
+def test_nothing_learns_from_a_measured_scene(scene, learned, tmp_path):
+    study = own_study([scene], codes=["designed"], crop=(20, 24))
+    plan = Plan(study, study.scenes.train, study.evaluation.places(study, {scene: scene}, [scene]), [], tmp_path)
+    examples = next(cell for cell in plan.priors() if cell.prior_kind == "examples")
+    rendered = set(study.evaluation.rendered()["train"])
+    assert set(examples.scenes) == rendered - learned
+    assert set(study.scenes.train) == (rendered - learned if learned else set())
+
+
+def test_the_usual_codes_and_decoder_stand_in_for_those_not_named():
+    study = own_study(["coffee"])
+    assert list(study.codes) == ["cassi", "one-hot", "two-bucket"]
+    assert study.decoders == ("lmmse",)
+    depth = own_study(["motorcycle"], camera="spectral-depth", codes=["quick"])
+    assert depth.decoders == ("likelihood",)
+    assert "motorcycle" not in depth.scenes.train
+    assert read_study("spectral").figure is False

@@ -1,0 +1,98 @@
+"""Figures for a paper: as wide as a column or a page, texts of 7 points that do not lie on each other."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.text import Text
+
+from tmca.metrics import psnr
+from tmca.plots.paper import COLUMN, PAGE, paper_figure
+from tmca.plots.side_by_side import _cubes, side_by_side
+
+WAVES = np.linspace(4.2e-7, 6.8e-7, 5)
+
+
+def cube(seed, size=(24, 30)):
+    values = np.random.default_rng(seed).random((5, *size)).astype(np.float32)
+    return xr.Dataset({"estimate": (("wavelength", "y", "x"), values)}, coords={"wavelength": WAVES})
+
+
+def cubes(codes, decoders):
+    names = [(f"code number {code}", f"decoder {row}") for code in range(codes) for row in range(decoders)]
+    return {name: cube(seed) for seed, name in enumerate(names)}
+
+
+def outside(figure):
+    """Numbers beyond the ends of axes, which are not drawn."""
+    sides = [side for axis in figure.axes for side in (axis.xaxis, axis.yaxis)]
+    ends = [(side, *sorted(side.get_view_interval())) for side in sides]
+    ticks = [tick for side, low, high in ends for tick in side.get_major_ticks() if not low <= tick.get_loc() <= high]
+    return [label for tick in ticks for label in (tick.label1, tick.label2)]
+
+
+def texts(figure):
+    """(text, box in pixels) of all that is written."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    written = [one for one in figure.findobj(Text) if one.get_text().strip() and one.get_visible()]
+    shown = [one for one in written if one not in outside(figure)]
+    return [(one, one.get_window_extent(canvas.get_renderer())) for one in shown]
+
+
+@pytest.mark.parametrize(("codes", "decoders", "width"), [(1, 1, COLUMN), (2, 2, COLUMN), (4, 2, PAGE), (7, 1, PAGE)])
+def test_texts_are_legible_and_keep_clear_of_each_other(codes, decoders, width):
+    figure = side_by_side(cubes(codes, decoders), cube(99)["estimate"])
+    assert figure.get_figwidth() * 25.4 == pytest.approx(width)
+    written = texts(figure)
+    assert min(one.get_fontsize() for one, _ in written) >= 7
+    whole = figure.bbox
+    for one, box in written:
+        assert whole.x0 - 1 <= box.x0 <= box.x1 <= whole.x1 + 1, one.get_text()
+        assert whole.y0 - 1 <= box.y0 <= box.y1 <= whole.y1 + 1, one.get_text()
+    shrunk = [(one.get_text(), box.padded(-1)) for one, box in written]
+    assert [(a, b) for (a, one), (b, other) in combinations(shrunk, 2) if one.overlaps(other)] == []
+
+
+def test_pictures_say_the_psnr_and_failed_ones_that_they_failed():
+    some, truth = cubes(2, 2), cube(99)["estimate"]
+    some.pop(("code number 1", "decoder 1"))
+    said = [one.get_text() for one, _ in texts(side_by_side(some, truth))]
+    for one in some.values():
+        assert f"{psnr(one['estimate'].values, truth.values):.1f} dB" in said
+    assert [one.endswith(" dB") for one in said].count(True) == len(some)
+    assert said.count("failed") == 1
+
+
+def test_the_spectra_are_those_of_the_best_decoder_of_every_code():
+    truth = cube(99)["estimate"].values
+    values = {("a", "far"): truth + 0.3, ("a", "near"): truth + 0.1, ("b", "far"): truth + 0.2}
+    curves = _cubes(values, truth, WAVES.tolist()).curves
+    assert list(curves[0].lines) == ["truth", "a, near", "b, far"]
+    assert all(np.allclose(one.lines["a, near"], one.lines["truth"] + 0.1) for one in curves)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_views_depth_and_other_scenes_are_drawn_too(known):
+    rng = np.random.default_rng(0)
+    field = xr.Dataset({"estimate": (("view_v", "view_u", "y", "x"), rng.random((3, 3, 20, 24)))})
+    depth = xr.Dataset(
+        {
+            "radiance": (("wavelength", "y", "x"), rng.random((5, 20, 24))),
+            "depth": (("y", "x"), rng.random((20, 24)) + 1),
+        },
+        coords={"wavelength": WAVES},
+    )
+    other = xr.Dataset({"estimate": (("y", "x"), rng.random((20, 24)))})
+    for one, truth in ((field, field["estimate"]), (depth, depth), (other, other["estimate"])):
+        figure = side_by_side({("a", ""): one, ("b", ""): one}, truth if known else None)
+        said = [text.get_text() for text, _ in texts(figure)]
+        assert ("truth" in said) == known
+
+
+def test_every_picture_stands_in_a_place_of_its_own():
+    figure = paper_figure(_cubes({(str(n), "x"): np.ones((5, 8, 8)) for n in range(8)}, None, WAVES.tolist()))
+    boxes = [axis.get_position() for axis in figure.axes]
+    assert not any(one.padded(-1e-6).overlaps(other.padded(-1e-6)) for one, other in combinations(boxes, 2))
