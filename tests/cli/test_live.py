@@ -62,6 +62,14 @@ def test_the_page_is_told_and_the_end_too(capsys, live):
     assert captured.out.startswith("2 estimates by dagger")
 
 
+def test_without_the_packages_of_the_page_the_loop_goes_on_unless_it_is_asked_for(capsys, live, monkeypatch):
+    monkeypatch.setattr("tmca.viewer.viewing.find_spec", lambda name: None)
+    captured = run(capsys, *live[:-1], "--exposures", "1", *HOW)
+    assert captured.out.startswith("1 estimates by dagger")
+    assert "no page without fastapi and uvicorn: pip install 'tmca[view]'" in captured.err
+    assert "tmca[view]" in refused(capsys, *live[:-1], "--page", *HOW)
+
+
 def test_frames_of_other_software_are_decoded_to_their_end(capsys, bench, live, tmp_path):
     folder, camera = bench
     frames = capture(folder / "out", bench_of(camera), tmp_path / "f", gain=None, camera=camera, repeats=3)

@@ -179,6 +179,57 @@ def test_tables_and_pictures_are_saved(look, tmp_path):
             assert size is None or picture.size == size
 
 
+def test_the_axes_are_those_of_the_cube_before_any_curve_and_stay_unless_they_are_to_fit(look):
+    looked = look(cube(CUBE * np.linspace(1, 0.2, 32, dtype=np.float32)))
+    ready(looked)
+    begun = looked.ask("tmca.desk.plot.frame")
+    assert (begun["low"], begun["high"]) == (430, 670)
+    for column in (0, 31):
+        looked.page.mouse.move(*spot(looked, 7, column))
+        looked.until(f"tmca.desk.lines?.[0]?.name.endsWith('column {column}')")
+        assert looked.ask("tmca.desk.plot.frame") == begun
+    looked.page.click("text=fit")
+    looked.until(f"tmca.desk.plot.frame.ceiling < {0.5 * begun['ceiling']}")
+
+
+def test_curves_of_files_and_of_places_have_colours_of_their_own(look):
+    looked = look(cube(), cube(CUBE * 0.9, "other"), hash="#points=1,2;3,4")
+    ready(looked)
+    looked.page.mouse.move(*spot(looked, 7, 9))
+    looked.until("tmca.desk.lines?.length === 6")
+    colours = looked.ask("tmca.desk.lines.map((line) => line.colour)")
+    assert colours[0] == colours[1] != colours[2] == colours[3]
+    assert len(set(colours)) == 4
+
+
+def test_the_ground_is_light_where_it_is_asked_for(look):
+    looked = look(cube())
+    ready(looked)
+    assert max(corner(looked)) < 40
+    looked.page.keyboard.press("t")
+    looked.until("location.hash.includes('ground=light')")
+    assert corner(looked) == (255, 255, 255)
+    again = look(address=looked.ask("location.href"))
+    ready(again)
+    assert corner(again) == (255, 255, 255)
+
+
+def corner(looked):
+    """The colour of the stage beside the picture."""
+    from PIL import Image
+
+    return Image.open(io.BytesIO(looked.page.screenshot())).convert("RGB").getpixel((4, 690))
+
+
+def test_a_slot_is_as_wide_as_the_others(look):
+    camera = tmca.SpectralCamera(3, (8, 9), slots=4, shutter="random")
+    scene = tmca.data.label(np.ones((3, 8, 9), np.float32), camera.wavelengths)
+    looked = look(tmca.simulate(scene, camera), hash="#page=2&points=2,3")
+    looked.until("tmca.desk.lines?.length === 1")
+    frame = looked.ask("tmca.desk.plot.frame")
+    assert (frame["low"], frame["high"]) == (0.5, 4.5)
+
+
 def test_a_file_that_vanishes_is_told_on_the_page(look, tmp_path):
     path = tmp_path / "cube.npy"
     np.save(path, np.random.default_rng(0).random((31, 8, 8), np.float32))

@@ -41,7 +41,7 @@ def _layer(contents: Contents, stored: Stored) -> Layer:
         return Layer("values", label, size, ONE, _Planes(stored, None).colours, colours="picture")
     axis = spectral_axis(stored) or 0
     rows, columns = (length for place, length in enumerate(stored.shape) if place != axis)
-    over = Axis(stored.dims[axis] if stored.dims else "plane", "", tuple(map(float, range(stored.shape[axis]))))
+    over = Axis.counted(stored.dims[axis] if stored.dims else "plane", stored.shape[axis], first=0)
     return Layer("values", label, (rows, columns), over, _Planes(stored, axis).read, unit)
 
 

@@ -51,6 +51,14 @@ class Gallery:
         """What the page has to know first."""
         return {"items": [item.about(MOST) for item in self.items]}
 
+    def newest(self, after: int) -> dict[str, Any]:
+        """What there is to say of the newest exposure of a loop; files have none.
+
+        Raises:
+            NotShown: nothing that changes.
+        """
+        raise NotShown
+
     def plane(self, item: int, layer: str, index: int, step: int, rows: Rows, columns: Rows) -> NDArray[Any]:
         """A part of a plane; the last row and column are cut to those that there are.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from threading import RLock
@@ -39,6 +39,11 @@ class Axis:
     unit: str
     values: tuple[float, ...]
     names: tuple[str, ...] = ()
+
+    @classmethod
+    def counted(cls, label: str, planes: int, names: Sequence[str] = (), first: int = 1) -> Axis:
+        """Planes that are only counted, from ``first``."""
+        return cls(label, "", tuple(map(float, range(first, first + planes))), tuple(names))
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def light_field_item(contents: Contents, stored: Stored, title: str, **about: An
     rows, columns, height, width = (size[dim] for dim in VIEW_DIMS)
     places = [(v, u) for v in centred(rows) for u in centred(columns)]
     names = tuple(f"view {v:g}, {u:g}" for v, u in places)
-    axis = Axis("view", "", tuple(float(number) for number in range(len(places))), names)
+    axis = Axis.counted("view", len(places), names, first=0)
     views = Layer("values", "views", (height, width), axis, _Views(stored, columns).read, colours="picture")
     layers = [views, *_disparity(contents, (height, width))]
     known = layers[1].shown_span() if len(layers) > 1 else (-_USUAL, _USUAL)

@@ -10,6 +10,7 @@ from fastapi import FastAPI, Query, Request
 from fastapi.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 from starlette.exceptions import HTTPException as AnyRefusal
 
+from tmca.data import plain
 from tmca.errors import TmcaError
 from tmca.viewer.gallery import Gallery, NotShown
 from tmca.viewer.page import policy, whole_page
@@ -22,6 +23,7 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 Place = Annotated[int, Query(ge=0, lt=_MOST)]
+After = Annotated[int, Query(ge=-1, lt=_MOST)]
 Step = Annotated[int, Query(ge=1, lt=_MOST)]
 
 
@@ -71,6 +73,10 @@ def _add_answers(app: FastAPI, gallery: Gallery) -> None:
     @app.get("/about")
     def about() -> Any:
         return JSONResponse(gallery.about())
+
+    @app.get("/newest")
+    def newest(after: After = -1) -> Any:
+        return JSONResponse(plain(gallery.newest(after)))
 
     @app.get("/plane")
     def plane(

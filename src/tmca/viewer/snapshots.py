@@ -31,10 +31,10 @@ def snapshot_items(snapshot: Snapshot[Any], title: str, **about: Any) -> list[It
     facts = {
         "camera": f"{camera.kind}, K = {camera.slots}" + (f", {camera.buckets} buckets" if camera.buckets > 1 else ""),
         "size": f"{planes.shape[1]} × {planes.shape[2]} pixels, {len(planes)} channel{'s' * (len(planes) > 1)}",
-        "full scale": f"{camera.full_scale:.4g}",
+        "full scale": f"{camera.full_scale:.4g} {camera.channel}s of a white scene",
         "at full scale": f"{float((planes >= 0.999 * camera.full_scale).mean()):.2%} of the pixels",
-        "read noise": f"{camera.noise.read:.3g}",
-        "shot noise": f"{camera.noise.shot:.3g}",
+        "read noise": f"σ = {camera.noise.read:.3g} of one {camera.channel}",
+        "shot noise": f"variance = {camera.noise.shot:.3g} × value" if camera.noise.shot else "none",
         "light throughput": f"{camera.throughput():.1%}",
     }
     shown = Item("snapshot", title, (recorded,), {**facts, **said(snapshot.notes)}, **about)
@@ -101,7 +101,7 @@ def _pattern_layer(name: str, files: Sequence[Path]) -> Layer:
     first = pattern(0)
     top = float(np.iinfo(first.dtype).max) if first.dtype.kind == "u" else 1.0
     label = f"{name}, levels of the device"
-    axis = Axis("slot", "", tuple(float(slot) for slot in range(1, len(files) + 1)))
+    axis = Axis.counted("slot", len(files))
     size = first.shape[0], first.shape[1]
     return Layer(name, label, size, axis, read, colours="binary", span=(0.0, top), view={"steps": True})
 
@@ -116,7 +116,7 @@ def _layer(
     colours: Colours = "values",
 ) -> Layer:
     """A layer of planes in memory, counted from 1."""
-    axis = Axis(over, "", tuple(float(number) for number in range(1, len(planes) + 1)), tuple(names))
+    axis = Axis.counted(over, len(planes), names)
     size = planes.shape[1], planes.shape[2]
     span = (0.0, max(1.0, float(planes.max()))) if colours == "binary" else None
     view = {"steps": over == "slot"}

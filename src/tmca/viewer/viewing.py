@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from socket import SO_REUSEADDR, SOL_SOCKET, socket
 from threading import Thread
-from typing import Any
+from typing import Any, Self
 
 from tmca.errors import SettingError, check_range
 from tmca.viewer.gallery import Gallery
@@ -18,6 +18,8 @@ from tmca.viewer.gallery import Gallery
 HOST = "127.0.0.1"
 _STARTED = 20.0
 """Seconds in which the server is to answer."""
+_LAST = 2
+"""Seconds in which answers that are on their way come to their end."""
 _PORTS = 65535
 
 
@@ -39,10 +41,19 @@ class Viewer:
         from tmca.viewer.server import application
 
         self._gallery, self._socket = gallery, _bound(port)
+        self._widget: Any = None
         self._port, token = self._socket.getsockname()[1], secrets.token_urlsafe(16)
         self.address = f"http://{HOST}:{self._port}/?token={token}"
         app = application(gallery, token, {f"{name}:{self._port}" for name in (HOST, "localhost")})
-        config = uvicorn.Config(app, log_level="critical", access_log=False, lifespan="off", ws="none", http="h11")
+        config = uvicorn.Config(
+            app,
+            log_level="critical",
+            access_log=False,
+            lifespan="off",
+            ws="none",
+            http="h11",
+            timeout_graceful_shutdown=_LAST,
+        )
         self._server = uvicorn.Server(config)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="tmca view", daemon=True)
         self._thread.start()
@@ -62,7 +73,7 @@ class Viewer:
         while self._thread.is_alive():
             self._thread.join(0.5)
 
-    def __enter__(self) -> Viewer:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -70,6 +81,20 @@ class Viewer:
 
     def __repr__(self) -> str:
         return f"<Viewer of {', '.join(item.title for item in self._gallery.items)} at {self.address}>"
+
+    def _repr_mimebundle_(self, **asked: Any) -> Any:
+        """The page in the cell, through the kernel where anywidget is installed; else, or where a notebook shows no
+        widgets, that of this machine's port."""
+        plain = {"text/plain": repr(self), "text/html": self._repr_html_()}
+        if find_spec("anywidget") is None:
+            return plain
+        if self._widget is None:
+            from tmca.viewer.notebook import notebook_page
+
+            self._widget = notebook_page(self._gallery)
+        shown = self._widget._repr_mimebundle_(**asked)
+        data, about = shown if isinstance(shown, tuple) else (shown, {})
+        return {**(data or {}), **plain}, about
 
     def _repr_html_(self) -> str:
         """The page itself, where a notebook runs on this machine."""
@@ -133,11 +158,15 @@ def opened(things: Any, truth: Any = None, variable: str | None = None) -> Galle
     return Gallery(things, truth, variable)
 
 
+def missing() -> list[str]:
+    """Packages of the extra ``view`` that are not there."""
+    return [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
+
+
 def check_installed() -> None:
     """Raises SettingError unless the packages of the extra ``view`` are there."""
-    missing = [name for name in ("fastapi", "uvicorn") if find_spec(name) is None]
-    if missing:
-        found, remedy = f"no {' and no '.join(missing)}", "pip install 'tmca[view]'"
+    if absent := missing():
+        found, remedy = f"no {' and no '.join(absent)}", "pip install 'tmca[view]'"
         raise SettingError("view", found, "the packages of the viewer", remedy)
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
-from tmca.cli.options.numbers import MaybeWhole, On, Whole, pair
+from tmca.cli.options.numbers import MaybeOn, MaybeWhole, On, Whole, pair
 from tmca.cli.options.output import Json, Overwrite, say
 from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError, TmcaError, check_range
@@ -44,7 +44,7 @@ def live(
     fast: On = False,
     exposures: MaybeWhole = None,
     rate: float | None = None,
-    page: On = True,
+    page: MaybeOn = None,
     port: Whole = 0,
     record: Annotated[Path | None, _RECORD] = None,
     record_estimates: Annotated[bool, _RECORD] = False,
@@ -70,7 +70,7 @@ def live(
         fast: lmmse in two thirds of the time, some hundredths of a dB below.
         exposures: how many to decode; until Ctrl-C without.
         rate: most exposures a second; of the simulated bench those of the export without.
-        page: serve the page.
+        page: serve the page; without, where the packages of `tmca view` are installed.
         port: of the page; any that is free without.
         record: Zarr folder, frame by frame; whatever ends the process, it is whole up to its last frame.
         record_estimates: record estimates beside snapshots.
@@ -99,7 +99,7 @@ def live(
     name = decoder_named(decoder) if decoder else ("network" if weights else usual_decoder(taken.camera.kind))
     made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty, fast))
     with ExitStack() as opened:
-        takers = [_served(opened, port)] if page else []
+        takers = _served(opened, page, port)
         running = opened.enter_context(Exposures(export, device, taken.camera, timeout=bench.timeout, rate=rate))
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
@@ -134,13 +134,22 @@ def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool, f
     return settings | ({"uncertainty": uncertainty} if cls is not None and cls.deviation else {})
 
 
-def _served(opened: ExitStack, port: int) -> Callable[[Shown], None]:
-    """Serve the page from now on, and say where; takes estimates."""
-    from tmca.lab.live.page import LivePage
+def _served(opened: ExitStack, page: bool | None, port: int) -> list[Callable[[Shown], None]]:
+    """Serve the page from now on, and say where; what takes estimates for it, nothing without a page.
 
-    served = opened.enter_context(LivePage(port))
+    Raises:
+        SettingError: a page is asked for whose packages are missing, or a port in use.
+    """
+    import tmca
+
+    if page is None and (absent := tmca.viewer.missing()):
+        print(f"no page without {' and '.join(absent)}: pip install 'tmca[view]'", file=sys.stderr)
+        return []
+    if page is False:
+        return []
+    served = opened.enter_context(tmca.viewer.LivePage(port))
     print(f"page: {served.address}", file=sys.stderr)
-    return served.show
+    return [served.show]
 
 
 def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> tuple[dict[str, Any], TmcaError | None]:

@@ -25,6 +25,8 @@ def whole(type_: Any, tokens: Sequence[Any]) -> int:
 Whole = Annotated[int, Parameter(converter=whole)]
 On = Annotated[bool, Parameter(negative_bool="no-")]
 """A flag that is on; ``--no-NAME`` switches it off."""
+MaybeOn = Annotated[bool | None, Parameter(negative_bool="no-")]
+"""A flag that is on or off where it is given."""
 MaybeWhole = Annotated[int | None, Parameter(converter=whole)]
 
 

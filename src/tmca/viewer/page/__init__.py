@@ -4,33 +4,35 @@ from __future__ import annotations
 
 import re
 from importlib.resources import files
+from typing import Literal
 
-SCRIPTS = (
-    *(
-        "numbers",
-        "colours",
-        "planes",
-        "programs",
-        "refocusing",
-        "surface",
-        "painter",
-        "plot",
-        "hash",
-        "panel",
-        "tools",
-        "desk",
-    ),
-    *("stack", "codes", "lightfield", "depth", "app"),
-)
-"""Files of the script, each after those that it uses."""
-_IMPORT = re.compile(r"^import\b[^;]*;\n", re.MULTILINE)
+_IMPORT = re.compile(r'^import\b[^;]*"\./(\w+)\.js";\n', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(async |const |let |function |class ))", re.MULTILINE)
 
 
-def script() -> str:
-    """The page's script as one module, which imports nothing."""
-    parts = (_text(f"{name}.js") for name in SCRIPTS)
-    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", part)) for part in parts)
+def script(first: Literal["start", "widget"] = "start") -> str:
+    """The script of a page of its own, or of a notebook, as one module that imports nothing."""
+    return "\n".join(_EXPORT.sub("", _IMPORT.sub("", part)) for part in _parts(first, {}).values())
+
+
+def style() -> str:
+    """CSS of the page."""
+    return _text("style.css")
+
+
+def body() -> str:
+    """HTML of the page, where its script puts what is shown."""
+    return _text("body.html")
+
+
+def _parts(name: str, known: dict[str, str]) -> dict[str, str]:
+    """Files of the script by their names, each after those that it imports."""
+    text = _text(f"{name}.js")
+    for needed in _IMPORT.findall(text):
+        if needed not in known:
+            _parts(needed, known)
+    known[name] = text
+    return known
 
 
 def whole_page(nonce: str = "", embedded: str = "null") -> str:
@@ -40,7 +42,7 @@ def whole_page(nonce: str = "", embedded: str = "null") -> str:
         nonce: of the policy that lets this script run and no other.
         embedded: JSON of what is shown, for a page without a server.
     """
-    parts = {"style": _text("style.css"), "script": script(), "nonce": nonce, "embedded": _in_html(embedded)}
+    parts = {"style": style(), "body": body(), "script": script(), "nonce": nonce, "embedded": _in_html(embedded)}
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _text("page.html"))
 
 

@@ -1,15 +1,16 @@
 // The page: what is shown is asked for, grouped by kind, and drawn once a frame where something changed.
-import { readHash, writeHash } from "./hash.js";
 import { element } from "./numbers.js";
 import { Depth } from "./depth.js";
 import { LightField } from "./lightfield.js";
 import { Painter } from "./painter.js";
-import { Embedded, Planes, Served } from "./planes.js";
+import { Planes } from "./planes.js";
 import { Codes } from "./codes.js";
+import { firstOf, follow, Live } from "./live.js";
 import { Stack } from "./stack.js";
+import { ink, useGround } from "./theme.js";
 import { saveStage } from "./tools.js";
 
-const KINDS = { cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
+const KINDS = { live: ["Live", Live], cube: ["Cube", Stack], snapshot: ["Snapshot", Stack], codes: ["Codes", Codes], "light field": ["Light field", LightField], depth: ["Scene with depth", Depth], array: ["Array", Stack] };
 const HELP = [
   ["move over a picture", "curve and values at the cursor"],
   ["click", "keep the curve of a pixel"],
@@ -20,16 +21,19 @@ const HELP = [
   ["C, B", "colours, one band"],
   ["D, E", "difference, error map"],
   ["1 … 9", "page"],
+  ["T", "dark or light ground; a saved picture has it too"],
   ["L, S", "copy a link that keeps this view, save the pictures"],
   ["?", "this help"],
 ];
 
-class App {
-  constructor(root) {
+export class App {
+  // `root` is the document, or the shadow root that holds the page in a notebook.
+  constructor(root, source, address) {
     const find = (name) => root.getElementById(name);
+    this.page = root.querySelector(".page");
+    this.address = address;
     Object.assign(this, { root, stage: find("stage"), panelsRoot: find("panels"), side: find("side"), sliders: find("sliders"), tabs: find("tabs"), message: find("message"), help: find("help") });
-    const embedded = JSON.parse(find("embedded").textContent);
-    this.source = embedded ? new Embedded(embedded) : new Served(new URLSearchParams(location.search).get("token") ?? "");
+    this.source = source;
     this.planes = new Planes(this.source, () => this.redraw(), (error) => this.say(error.message, true));
     this.frames = 0;
   }
@@ -37,9 +41,11 @@ class App {
   async begin() {
     this.painter = new Painter(this.root.getElementById("paint"));
     this.painter.restored = () => this.redraw();
-    const { items } = await this.source.about();
+    const about = await firstOf(this);
+    if (!about) return this.name("tmca live: ended");
+    const { items } = about;
     items.forEach((item, number) => (item.number = number));
-    document.title = `${[...new Set(items.map((item) => item.title))].join(", ")} – tmca view`;
+    this.title = [...new Set(items.map((item) => item.title))].join(", ");
     const kinds = [...new Set(items.map((item) => item.kind))];
     this.desks = kinds.map((kind) => new KINDS[kind][1](this, items.filter((item) => item.kind === kind)));
     this.tabs.replaceChildren(...kinds.map((kind, at) => {
@@ -49,7 +55,30 @@ class App {
       return tab;
     }));
     this.#listen();
-    this.choose(0, readHash());
+    this.choose(0, this.address.read());
+    if (about.live) follow(this);
+  }
+
+  // What stands at the top.
+  name(text) {
+    const heading = this.root.querySelector("h1");
+    if (heading.textContent !== text) heading.textContent = text;
+  }
+
+  // Another exposure is the newest.
+  renew(newest) {
+    this.newest = newest;
+    this.planes.forget();
+    for (const desk of this.desks) desk.forget();
+    this.redraw();
+  }
+
+  // What is shown is drawn, and all that it needs is here; a page that nobody sees waits.
+  async settled() {
+    const drawn = () => new Promise(requestAnimationFrame);
+    await drawn();
+    await this.planes.rest();
+    await drawn();
   }
 
   choose(number, given = null) {
@@ -60,6 +89,7 @@ class App {
     this.side.replaceChildren(...this.desk.sideParts);
     this.sliders.replaceChildren(...this.desk.sliderParts);
     this.sliders.hidden = this.desk.sliderParts.every((part) => part.hidden);
+    if (given) useGround(given.ground === "light" ? "light" : "dark", this.page);
     if (given) this.desk.restore(given);
     this.desk.arranged = null;
     this.desk.begin?.();
@@ -79,7 +109,7 @@ class App {
   saveState() {
     if (!this.desk) return;
     const page = this.desks.length > 1 ? this.desks.indexOf(this.desk) + 1 : null;
-    writeHash({ page, ...this.desk.state() });
+    this.address.write({ page, ground: ink.name === "light" ? "light" : null, ...this.desk.state() });
   }
 
   say(text, wrong = false) {
@@ -105,23 +135,31 @@ class App {
     on("link", () => this.copyLink());
     on("png", () => this.savePictures());
     on("csv", () => this.desk.saveTable());
+    on("ground", () => this.turnGround());
     on("ask", () => this.showHelp());
     new ResizeObserver(() => ((this.desk.arranged = null), this.redraw())).observe(this.stage);
-    window.addEventListener("keydown", (event) => this.#key(event));
-    window.addEventListener("hashchange", () => (this.choose(this.desks.indexOf(this.desk), readHash())));
+    this.address.listen(this);
   }
 
-  #key(event) {
+  key(event) {
     const typing = event.target.matches?.("input[type=number], select");
     if (typing || event.ctrlKey || event.metaKey || event.altKey || this.help.open) return;
     if (event.key === " " && event.target.matches?.("button")) return;
     const number = Number(event.key);
     if (event.key === "?") this.showHelp();
-    else if (event.key === "l") this.copyLink();
+    else if (event.key === "l" && !this.root.getElementById("link").hidden) this.copyLink();
     else if (event.key === "s") this.savePictures();
+    else if (event.key === "t") this.turnGround();
     else if (number >= 1 && number <= this.desks.length) this.choose(number - 1);
     else if (!this.desk.key(event)) return;
     event.preventDefault();
+  }
+
+  turnGround() {
+    useGround(ink.name === "dark" ? "light" : "dark", this.page);
+    this.desk?.listPlaces();
+    this.redraw();
+    this.saveState();
   }
 
   showHelp() {
@@ -133,6 +171,3 @@ class App {
   }
 }
 
-const app = new App(document);
-window.tmca = app;
-app.begin().catch((error) => app.say(error.message, true));

@@ -12,9 +12,9 @@ export const MAPS = Object.keys(ANCHORS);
 export const USUAL = {
   values: "grey", level: "grey", binary: "grey", signed: "blue–red", deviation: "magma", error: "magma", depth: "turbo", norm: "viridis",
 };
-export const PLACES = ["#ffb454", "#7fd962", "#f07178", "#c792ea", "#59c2ff", "#e6e04f", "#ff8fd0", "#59e0c0"];
-export const ITEMS = ["#4fb3f6", "#ffb454", "#7fd962", "#c792ea", "#f07178", "#e6e04f"];
-export const TRUTH = "#f2f4f7";
+// Kept places first differ from files: a curve of each may stand in one plot.
+export const PLACES = ["#ffb454", "#7fd962", "#e6e04f", "#ff8fd0", "#59e0c0", "#c9a27a", "#c792ea", "#f07178"];
+export const ITEMS = ["#4fb3f6", "#f07178", "#c792ea", "#59e0c0", "#ff8fd0", "#e6e04f"];
 
 const parts = (hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16));
 

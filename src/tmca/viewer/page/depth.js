@@ -47,8 +47,8 @@ export class Depth extends Stack {
     const layer = item.layers.find((one) => one.name === name), key = `${item.number}/${name}`;
     if (!layer) return null;
     const plane = this.plane(key, item, layer, 0), look = this.lookOf(name, layer.label, USUAL[layer.colours], layer.span);
-    const spec = { key, title: this.items.length > 1 ? `${item.title}: ${layer.label}` : layer.label, size: layer.size, item, layer, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: name, bar: { map: look.map, span: look.span, label: layer.unit ? `${layer.label} (${layer.unit})` : layer.label } };
-    return { ...spec, note: [this.valueAt(plane, spec), layer.unit].filter(() => this.cursor).join(" ") };
+    const spec = { key, title: `${this.items.length > 1 ? `${item.title}: ` : ""}${layer.label}${layer.unit ? ` (${layer.unit})` : ""}`, size: layer.size, item, layer, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: name, bar: { map: look.map, span: look.span, label: layer.unit ? `${layer.label} (${layer.unit})` : layer.label } };
+    return { ...spec, note: this.valueAt(plane, spec) };
   }
 
   depth(item) {

@@ -1,12 +1,13 @@
 // What every page of the viewer has: panels side by side, one view and cursor for all, marked places, their curves.
-import { ITEMS, PLACES, TRUTH } from "./colours.js";
+import { ITEMS, PLACES } from "./colours.js";
+import { ink, onGround } from "./theme.js";
 import { element, later, shown } from "./numbers.js";
 import { Panel } from "./panel.js";
 import { Plot } from "./plot.js";
 import { groupsOf, numbersOf } from "./hash.js";
 import { saveCanvas, saveTable } from "./tools.js";
 
-const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3], [4, 2], [1, 2]];
+export const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3], [4, 2], [1, 2]];
 
 export class Desk {
   constructor(app, items) {
@@ -130,10 +131,16 @@ export class Desk {
     const here = this.planes.profileNow(item.number, layer, region);
     if (here) this.#keep(key, here);
     else {
-      this.#keep(key, null);
+      this.#keep(key, this.older?.get(key) ?? null);
       this.planes.profile(item.number, layer, region).then((found) => (this.#keep(key, found), this.app.redraw()), () => this.profiles.delete(key));
     }
-    return here;
+    return this.profiles.get(key);
+  }
+
+  // Values are others now; curves stay until newer ones are here.
+  forget() {
+    this.older = this.profiles;
+    this.profiles = new Map();
   }
 
   #keep(key, found) {
@@ -142,8 +149,8 @@ export class Desk {
   }
 
   colourOf(item) {
-    if (item.role === "truth") return TRUTH;
-    return ITEMS[this.items.filter((one) => one.role !== "truth").indexOf(item) % ITEMS.length];
+    if (item.role === "truth") return ink.truth;
+    return onGround(ITEMS[this.items.filter((one) => one.role !== "truth").indexOf(item) % ITEMS.length]);
   }
 
   // Curves of the cursor and of all places, of every item.
@@ -158,7 +165,7 @@ export class Desk {
         lines.push({ x: layer.axis.values, y: found.mean, band: spread, colour: colour ?? this.colourOf(item), dash, steps: layer.steps, name, item: item.title });
       });
     };
-    this.places.forEach((place, number) => add(place, PLACES[number % PLACES.length], this.nameOf(place)));
+    this.places.forEach((place, number) => add(place, onGround(PLACES[number % PLACES.length]), this.nameOf(place)));
     if (this.cursor) add(this.cursor, null, this.nameOf(this.cursor));
     return lines;
   }
@@ -174,17 +181,18 @@ export class Desk {
     this.plotCanvas.setAttribute("role", "img");
     this.plotCanvas.setAttribute("aria-label", heading);
     this.plot = new Plot(this.plotCanvas, pick);
+    this.fitButton = element("button", { className: "small", textContent: "fit", title: "Fit the vertical axis to the curves, instead of the range of all values", onclick: () => ((this.fit = !this.fit), this.fitButton.setAttribute("aria-pressed", this.fit), this.redraw()) });
     this.placeList = element("ul", { className: "places" });
     this.plotHint = element("p", { className: "hint" });
     this.listPlaces();
-    return element("section", { className: "group" }, element("h2", {}, heading), this.plotCanvas, this.plotHint, this.placeList);
+    return element("section", { className: "group" }, element("h2", {}, heading, this.fitButton), this.plotCanvas, this.plotHint, this.placeList);
   }
 
   listPlaces() {
     if (!this.placeList) return;
     const entry = (place, number) => {
       const mark = element("i");
-      mark.style.background = PLACES[number % PLACES.length];
+      mark.style.background = onGround(PLACES[number % PLACES.length]);
       const gone = element("button", { className: "small", textContent: "×", title: "Remove", onclick: () => ((this.places = this.places.filter((one) => one !== place)), this.listPlaces(), this.redraw()) });
       gone.setAttribute("aria-label", `Remove ${this.nameOf(place)}`);
       return element("li", {}, mark, this.nameOf(place), gone);

@@ -18,7 +18,7 @@ export class LightField extends Desk {
     this.cursor = [this.size[0] >> 1, this.size[1] >> 1];
     this.refocused = new Map();
     const values = Array.from({ length: STEPS + 1 }, (_, at) => reach[0] + (at / STEPS) * (reach[1] - reach[0]));
-    this.slider = new Slider({ label: "focus at disparity", values, unit: "px per view step", index: Math.round(STEPS / 2), moved: (at) => ((this.focus = values[at]), this.choose("focus")) });
+    this.slider = new Slider({ label: "focus at disparity", values, unit: "px per view step", counted: false, index: Math.round(STEPS / 2), moved: (at) => ((this.focus = values[at]), this.choose("focus")) });
     this.focus = values[Math.round(STEPS / 2)];
     const known = items.some((item) => item.layers.length > 1);
     this.buttons = Object.entries(MODES).filter(([name]) => name !== "sharp" || known).map(([name, text]) => element("button", { className: "small", textContent: text, title: `${text} (${text[0]})`, onclick: () => this.choose(name) }));
@@ -65,7 +65,7 @@ export class LightField extends Desk {
       const found = [this.picture(item)], map = item.layers[1];
       if (map) {
         const plane = this.plane(`${item.number}/disparity`, item, map, 0);
-        const look = this.looks.of("disparity", map.label, USUAL.depth, map.span);
+        const look = this.looks.of("disparity", map.label, USUAL.depth, map.span, map.unit);
         const spec = { key: `${item.number}/disparity`, title: "disparity", size: map.size, item, layer: map, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: "disparity", bar: { map: look.map, span: look.span, label: `${map.label} (${map.unit})` } };
         found.push({ ...spec, note: this.valueAt(plane, spec) });
       }
@@ -130,8 +130,8 @@ export class LightField extends Desk {
   lines(item, across) {
     const layer = item.layers[0], [rows, columns] = item.grid, [y, , x] = this.placed(this.cursor, layer.size), step = layer.step;
     const count = across ? columns : rows, views = Array.from({ length: count }, (_, at) => this.planes.now(item.number, layer, across ? this.index(item, this.v, at) : this.index(item, at, this.u)));
-    const title = across ? `row ${y} over views` : `column ${x} over views`, length = layer.size[across ? 1 : 0];
-    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: "epipolar lines", size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [0, count] } };
+    const title = across ? `epipolar lines of row ${y}` : `epipolar lines of column ${x}`, length = layer.size[across ? 1 : 0];
+    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `vertical: view ${across ? "column" : "row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [0, count] } };
     const data = views.every(Boolean) ? this.linesOf(views, across, Math.floor(y / step), Math.floor(x / step)) : null;
     const plane = data && { key: spec.key, data, rows: count, columns: data.length / count / 3, step: 1 };
     return { ...spec, paint: { plane, picture: true, map: "grey" } };

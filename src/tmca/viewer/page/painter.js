@@ -2,6 +2,7 @@
 import { table } from "./colours.js";
 import { program } from "./programs.js";
 import { Refocusing } from "./refocusing.js";
+import { ink } from "./theme.js";
 
 const CORNERS = `#version 300 es
 precision highp float;
@@ -72,7 +73,7 @@ export class Painter {
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.disable(gl.SCISSOR_TEST);
     gl.viewport(0, 0, width, height);
-    gl.clearColor(0.078, 0.082, 0.09, 1);
+    gl.clearColor(...ink.ground, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
   }
 

@@ -1,5 +1,6 @@
 // One picture with rulers, colour bar, cursor and marks; zoomed, moved and marked by mouse and keys.
 import { gradient, PLACES } from "./colours.js";
+import { ink } from "./theme.js";
 import { clamp, element, shown, ticks } from "./numbers.js";
 import { fitted } from "./plot.js";
 
@@ -15,10 +16,11 @@ export class Panel {
     this.overlay = element("canvas");
     this.title = element("b");
     this.note = element("span");
+    this.caption = element("p", { className: "caption" }, this.title, this.note);
     const save = element("button", { className: "save small", title: "Save this picture, a pixel of the file a pixel of the picture", textContent: "⤓", onclick: () => desk.savePanel(this) });
     save.setAttribute("aria-label", "Save this picture");
     this.save = save;
-    this.root = element("div", { className: "panel", tabIndex: 0 }, this.overlay, element("p", { className: "caption" }, this.title, this.note), save);
+    this.root = element("div", { className: "panel", tabIndex: 0 }, this.overlay, this.caption, save);
     this.root.setAttribute("role", "img");
     this.#listen();
   }
@@ -56,16 +58,21 @@ export class Panel {
     }
     this.save.hidden = Boolean(spec.solid);
     this.#say(spec.title, spec.note ?? "");
-    const lasting = JSON.stringify([box, inner, this.width, this.height, spec.bar, spec.extents, spec.signature, this.desk.cursor, this.desk.places, this.dragged?.region, !spec.paint?.plane]);
+    const lasting = JSON.stringify([ink.name, box, inner, this.width, this.height, spec.bar, spec.extents, spec.signature, this.desk.cursor, this.desk.places, this.dragged?.region, !spec.paint?.plane]);
     if (lasting === this.lasting) return;
     this.lasting = lasting;
     this.#drawOver(box);
   }
 
   #say(title, note) {
-    if (this.title.textContent !== title) this.title.textContent = title;
-    if (this.note.textContent !== note) this.note.textContent = note;
-    this.root.setAttribute("aria-label", `${title}, ${note}`);
+    const said = `${title}, ${note}`;
+    this.caption.classList.toggle("small", this.margin === SMALL);
+    if (this.said === said) return;
+    this.said = said;
+    this.title.textContent = title;
+    this.note.textContent = note;
+    this.caption.title = said; // where there is no room for all of it
+    this.root.setAttribute("aria-label", said);
   }
 
   #drawOver(box) {
@@ -74,10 +81,11 @@ export class Panel {
     this.overlay.style.height = "100%";
     context.textBaseline = "middle";
     context.font = "11px system-ui, 'Liberation Sans', Arial, sans-serif";
-    context.fillStyle = "#9aa1ab";
+    context.fillStyle = ink.quiet;
     const small = this.margin === SMALL;
     if (!spec.plain) rulers(context, inner, box, spec, small);
-    if (spec.bar) bar(context, this.width - this.margin.bar + 10, inner.y, inner.h, small ? { ...spec.bar, label: "" } : spec.bar);
+    const top = Math.max(box.y, inner.y), tall = Math.min(box.y + box.h, inner.y + inner.h) - top;
+    if (spec.bar && tall > 0) bar(context, this.width - this.margin.bar + 10, top, tall, small ? { ...spec.bar, label: "" } : spec.bar);
     context.save();
     context.beginPath();
     context.rect(inner.x, inner.y, inner.w, inner.h);
@@ -230,8 +238,8 @@ function cut(context, text, width) {
 function rulers(context, inner, box, spec, small) {
   const [rows, columns] = spec.size, { x: acrossRange = [0, columns], y: downRange = [0, rows] } = spec.extents ?? {};
   const half = spec.extents ? 0 : 0.5; // a number stands at the middle of its pixel
-  context.fillStyle = "#9aa1ab";
-  context.strokeStyle = "#5b626b";
+  context.fillStyle = ink.quiet;
+  context.strokeStyle = ink.tick;
   context.lineWidth = 1;
   const low = Math.max(box.x, inner.x), high = Math.min(box.x + box.w, inner.x + inner.w);
   const top = Math.max(box.y, inner.y), bottom = Math.min(box.y + box.h, inner.y + inner.h);
@@ -274,8 +282,9 @@ function bar(context, x, y, tall, { map, span, label }) {
   context.fillStyle = gradient(context, map, x, y, y + tall);
   context.fillRect(x, y, 10, tall);
   context.textAlign = "left";
-  context.fillStyle = "#9aa1ab";
-  for (const value of ticks(...span, Math.max(tall / 40, 4))) {
+  context.fillStyle = ink.quiet;
+  const round = ticks(...span, Math.max(tall / 40, 2));
+  for (const value of round.length > 1 ? round : span.map((end) => Number(end.toPrecision(2)))) {
     const at = y + tall - ((value - span[0]) / (span[1] - span[0])) * tall;
     context.fillText(shown(value, 3), x + 14, clamp(at, y + 5, y + tall - 4));
   }

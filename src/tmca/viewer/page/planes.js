@@ -18,6 +18,10 @@ export class Served {
     return (await this.ask("about")).json();
   }
 
+  async newest(after) {
+    return (await this.ask("newest", { after })).json();
+  }
+
   async part(item, layer, index, step, y0, y1, x0, x1) {
     const answer = await this.ask("plane", { item, layer: layer.name, index, step, y0, y1, x0, x1 });
     const bytes = await answer.arrayBuffer();
@@ -103,6 +107,17 @@ export class Planes {
     } finally {
       this.asked.delete(key);
     }
+  }
+
+  // Read all planes anew when they are shown next.
+  forget() {
+    this.kept.clear();
+    this.bytes = 0;
+  }
+
+  // All that was asked for is here, or will not come.
+  async rest() {
+    while (this.asked.size) await Promise.allSettled([...this.asked.values()]);
   }
 
   // Load all planes of a layer, those near one first, where they fit beside the others.

@@ -1,8 +1,8 @@
 // Curves with axes on a canvas of two dimensions.
 import { clamp, shown, ticks } from "./numbers.js";
+import { ink } from "./theme.js";
 
 const FONT = "11px system-ui, 'Liberation Sans', Arial, sans-serif";
-const QUIET = "#9aa1ab", LINE = "#33373d", TEXT = "#dfe2e6";
 
 export function fitted(canvas, width, height) {
   const ratio = window.devicePixelRatio || 1;
@@ -17,7 +17,8 @@ export function fitted(canvas, width, height) {
   return context;
 }
 
-// Lines { x, y, band (± around y), colour, dash, steps } over one axis each way; `mark` is a place on the x axis.
+// Lines { x, y, band (± around y), colour, dash, steps } over one axis each way; `mark` is a place on the x axis, `domain`
+// all positions on it, `span` the values that the y axis has room for at least.
 export class Plot {
   constructor(canvas, picked) {
     this.canvas = canvas;
@@ -32,13 +33,16 @@ export class Plot {
     canvas.addEventListener("pointermove", (event) => event.buttons && pick(event));
   }
 
-  draw({ lines, xlabel, ylabel, mark = null, span = null, whole = false, height = 232 }) {
+  draw({ lines, xlabel, ylabel, domain, mark = null, span = [], whole = false, height = 232 }) {
     const width = this.canvas.clientWidth || 320;
     const context = fitted(this.canvas, width, height);
     const left = 52, top = 8, right = width - 10, bottom = height - 36;
-    const [low, high] = widened(extent(lines.flatMap((line) => [line.x[0], line.x[line.x.length - 1]])) ?? [0, 1], 0);
-    const [floor, ceiling] = span ?? widened(extent(lines.flatMap(around)) ?? [0, 1], 0.06);
-    this.frame = { left, width: right - left, low, high };
+    const half = whole ? 0.5 : 0; // a slot is as wide as one step
+    const [first, last] = extent([...domain, ...lines.flatMap((line) => [line.x[0], line.x[line.x.length - 1]])]);
+    const [low, high] = widened([first - half, last + half], 0);
+    const reach = lines.flatMap(around), usual = span.length ? widened(span, 0.06) : null; // it stays while curves are within
+    const [floor, ceiling] = usual && reach.every((y) => !(y < usual[0] || y > usual[1])) ? usual : widened(extent([...span, ...reach]) ?? [0, 1], 0.06);
+    this.frame = { left, width: right - left, low, high, floor, ceiling };
     const across = (x) => left + ((x - low) / (high - low)) * (right - left);
     const up = (y) => bottom - ((y - floor) / (ceiling - floor)) * (bottom - top);
     axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel, whole });
@@ -46,7 +50,7 @@ export class Plot {
     context.beginPath();
     context.rect(left, top - 1, right - left, bottom - top + 2);
     context.clip();
-    if (mark !== null) stroke(context, [[across(mark), top], [across(mark), bottom]], "#77808c", [2, 3], 1);
+    if (mark !== null) stroke(context, [[across(mark), top], [across(mark), bottom]], ink.quiet, [2, 3], 1);
     for (const line of lines) curve(context, line, across, up);
     context.restore();
   }
@@ -67,17 +71,17 @@ function widened([low, high], share) {
 }
 
 function axes(context, { left, top, right, bottom, low, high, floor, ceiling, across, up, xlabel, ylabel, whole }) {
-  context.fillStyle = QUIET;
+  context.fillStyle = ink.quiet;
   context.textBaseline = "middle";
   context.textAlign = "right";
   for (const y of ticks(floor, ceiling, 5)) {
-    stroke(context, [[left, up(y)], [right, up(y)]], LINE, [], 1);
+    stroke(context, [[left, up(y)], [right, up(y)]], ink.line, [], 1);
     context.fillText(shown(y), left - 6, up(y));
   }
   context.textAlign = "center";
   for (const x of ticks(low, high, 6)) {
     if (whole && x % 1) continue;
-    stroke(context, [[across(x), bottom], [across(x), bottom + 4]], QUIET, [], 1);
+    stroke(context, [[across(x), bottom], [across(x), bottom + 4]], ink.quiet, [], 1);
     context.fillText(shown(x), clamp(across(x), left, right - 8), bottom + 12);
   }
   context.fillText(xlabel, (left + right) / 2, bottom + 28);
@@ -86,7 +90,7 @@ function axes(context, { left, top, right, bottom, low, high, floor, ceiling, ac
   context.rotate(-Math.PI / 2);
   context.fillText(ylabel, 0, 0);
   context.restore();
-  stroke(context, [[left, top], [left, bottom], [right, bottom]], QUIET, [], 1);
+  stroke(context, [[left, top], [left, bottom], [right, bottom]], ink.quiet, [], 1);
 }
 
 function stroke(context, points, colour, dash, width) {
@@ -111,9 +115,10 @@ function curve(context, line, across, up) {
     context.fill();
     context.globalAlpha = 1;
   }
-  const points = line.steps ? whole.flatMap(([x, y], at) => (at ? [[x, whole[at - 1][1]], [x, y]] : [[x, y]])) : whole.map(([x, y]) => [x, y]);
+  const half = (across(1) - across(0)) / 2;
+  const points = whole.flatMap(([x, y]) => (line.steps ? [[x - half, y], [x + half, y]] : [[x, y]]));
   stroke(context, points, line.colour, line.dash ?? [], 1.8);
-  if (whole.length > 24 || line.dash?.length) return;
+  if (whole.length > 24 || line.dash?.length || line.steps) return;
   context.fillStyle = line.colour;
   for (const [x, y] of whole) (context.beginPath(), context.arc(x, y, 2.3, 0, 7), context.fill());
 }
@@ -146,7 +151,7 @@ export class Histogram {
     const context = fitted(this.canvas, width, height);
     const across = (value) => 6 + clamp((value - low) / (high - low), 0, 1) * (width - 12);
     const top = Math.log1p(Math.max(...counts, 1));
-    context.fillStyle = "#717a86";
+    context.fillStyle = ink.bars;
     counts.forEach((count, at) => {
       const tall = (Math.log1p(count) / top) * (height - 22);
       context.fillRect(6 + (at * (width - 12)) / counts.length, height - 16 - tall, (width - 12) / counts.length + 0.3, tall);
@@ -154,11 +159,11 @@ export class Histogram {
     context.fillStyle = "#4fb3f61c";
     context.fillRect(across(span[0]), 2, across(span[1]) - across(span[0]), height - 18);
     for (const end of span) stroke(context, [[across(end), 2], [across(end), height - 16]], "#4fb3f6", [], 2);
-    context.fillStyle = QUIET;
+    context.fillStyle = ink.quiet;
     context.textBaseline = "alphabetic";
-    [[low, "left", 6], [high, "right", width - 6]].forEach(([value, align, x]) => ((context.textAlign = align), context.fillText(shown(value), x, height - 3)));
+    [[span[0], "left"], [span[1], "right"]].forEach(([value, align]) => ((context.textAlign = align), context.fillText(shown(value, 3), clamp(across(value), align === "left" ? 0 : width / 2 + 60, align === "left" ? width / 2 - 90 : width), height - 3)));
     context.textAlign = "center";
-    context.fillStyle = TEXT;
-    context.fillText("counts (log)", width / 2, height - 3);
+    context.fillStyle = ink.text;
+    context.fillText("pixels (log)", width / 2, height - 3);
   }
 }

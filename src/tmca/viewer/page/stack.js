@@ -1,7 +1,8 @@
 // Stacks of planes side by side: cubes and their bands, with differences from one of them; snapshots; arrays.
 import { USUAL } from "./colours.js";
-import { Desk } from "./desk.js";
+import { DASHES, Desk } from "./desk.js";
 import { element, nearest, shown } from "./numbers.js";
+import { ink } from "./theme.js";
 import { Looks, Slider } from "./tools.js";
 
 const SECONDS_A_FRAME = 0.12;
@@ -34,7 +35,7 @@ export class Stack extends Desk {
   build() {
     const { axis } = this, hasColour = this.items.some((item) => item.layers.some((layer) => layer.name === "colour"));
     const mode = (text, title, coloured) => element("button", { className: "small", textContent: text, title, onclick: () => this.showColour(coloured) });
-    this.modes = hasColour ? [mode("Colour", "Red, green and blue from the bands (C)", true), mode("Band", "One band (B)", false)] : [];
+    this.modes = hasColour ? [mode("Colour", "Red, green and blue from the bands (C)", true), mode(axis.label === "view" ? "View" : "Band", "One plane (B)", false)] : [];
     this.play = element("button", { className: "small", textContent: "▶", title: "Run through the planes (space)", onclick: () => this.run() });
     this.play.setAttribute("aria-label", "Run through the planes");
     this.slider = new Slider({ label: axis.label || "plane", values: axis.values, unit: axis.unit, names: axis.names ?? [], index: this.index, light: axis.unit === "nm", modes: [...this.modes, this.play], moved: (index) => this.move(index) });
@@ -143,7 +144,7 @@ export class Stack extends Desk {
     const colour = this.coloured && item.layers.find((layer) => layer.name === "colour");
     if (!colour) return this.one(item, this.main(item), item.title);
     const plane = this.plane(`${item.number}/colour`, item, colour, 0);
-    const note = colour.bands?.length ? `colour from ${colour.bands.join(", ")}` : "colour";
+    const note = colour.bands?.length ? `RGB ${colour.bands.map((band) => parseInt(band)).join(", ")} nm` : "colour";
     return { key: `${item.number}/main`, title: item.title, note, size: colour.size, item, layer: colour, index: 0, details: this.detailsOf(`${item.number}/main`, colour, 0), paint: { plane, picture: true, map: "grey" }, bar: null };
   }
 
@@ -193,7 +194,8 @@ export class Stack extends Desk {
     if (!this.looks.known.has(name)) {
       const spans = this.items.flatMap((item) => item.layers.filter((layer) => layer.name === name).map((layer) => layer.span));
       const all = spans.length ? [Math.min(...spans.map(([low]) => low)), Math.max(...spans.map(([, high]) => high))] : span;
-      const look = this.looks.of(name, label, map, all);
+      const unit = this.items.flatMap((item) => item.layers).find((layer) => layer.name === name)?.unit;
+      const look = this.looks.of(name, label, map, all, unit);
       if (this.looks.wanted?.[name]) look.span = this.looks.wanted[name];
     }
     return this.looks.known.get(name);
@@ -281,7 +283,7 @@ export class Stack extends Desk {
     this.lines = lines;
     const { axis } = this, layer = this.main(this.items[0]);
     const xlabel = axis.unit ? `${axis.label} (${axis.unit})` : axis.label;
-    this.plot.draw({ lines, xlabel, ylabel: layer.unit ? `${layer.label} (${layer.unit})` : layer.label, mark: axis.values[this.index], whole: Boolean(layer.steps), span: lines.length ? null : layer.span });
+    this.plot.draw({ lines, xlabel, ylabel: layer.unit ? `${layer.label} (${layer.unit})` : layer.label, mark: axis.values[this.index], domain: [axis.values[0], axis.values[axis.values.length - 1]], whole: Boolean(layer.steps), span: this.fit && lines.length ? [] : layer.span });
     this.plotHint.replaceChildren(...this.legend(lines));
   }
 
@@ -290,16 +292,22 @@ export class Stack extends Desk {
     const parts = [];
     if (this.cursor) parts.push(`cursor: ${this.nameOf(this.cursor)}`);
     if (this.items.length > 1) {
-      this.items.forEach((item) => {
-        const name = element("span", { "data-item": "" }, ` ▬ ${item.title}`);
-        name.style.color = this.colourOf(item);
-        parts.push(name);
-      });
+      if (this.cursor) parts.push(element("br"), ...this.items.map((item) => this.sample(item, this.colourOf(item), item.role === "truth" ? [5, 3] : [])));
+      if (this.places.length) parts.push(parts.length ? element("br") : "", "kept: ", ...this.items.map((item, number) => this.sample(item, ink.quiet, DASHES[number % DASHES.length])));
     }
     const bands = lines.some((line) => line.band && line.name.startsWith("row ")) ? ["pixels: ±1 predicted standard deviation"] : [];
     if (lines.some((line) => line.band && line.name.startsWith("rows"))) bands.push("regions: ±1 standard deviation of their pixels");
     if (bands.length) parts.push(element("br"), bands.join("; "));
     return parts;
+  }
+
+  // A piece of an item's line before its name.
+  sample(item, colour, dash) {
+    const piece = element("canvas", { width: 22, height: 3 }), context = piece.getContext("2d");
+    Object.assign(context, { strokeStyle: colour, lineWidth: 4 });
+    context.setLineDash(dash);
+    context.moveTo(0, 1), context.lineTo(22, 1), context.stroke();
+    return element("span", { "data-item": "" }, piece, ` ${item.title}  `);
   }
 
   tableLines() {

@@ -2,6 +2,7 @@
 import { MAPS, ofLight, table } from "./colours.js";
 import { clamp, element, histogram, later, nearest, quantiles, shown, ticks } from "./numbers.js";
 import { fitted, Histogram } from "./plot.js";
+import { ink } from "./theme.js";
 
 export function save(name, blob) {
   const link = element("a", { href: URL.createObjectURL(blob), download: name.replace(/[/\\:*?"<>|\s]+/g, "_") });
@@ -50,7 +51,7 @@ export function saveStage(paint, panels, name) {
   for (const panel of panels) {
     const own = panel.root.getBoundingClientRect();
     context.font = `${12 * ratio}px system-ui, sans-serif`;
-    context.fillStyle = "#dfe2e6";
+    context.fillStyle = ink.text;
     context.fillText(`${panel.spec.title}   ${panel.spec.note ?? ""}`, (own.left - outer.left + 50) * ratio, (own.top - outer.top + 16) * ratio);
     context.drawImage(panel.overlay, (own.left - outer.left) * ratio, (own.top - outer.top) * ratio, own.width * ratio, own.height * ratio);
   }
@@ -59,8 +60,8 @@ export function saveStage(paint, panels, name) {
 
 // A slider over the planes of an axis, with its positions below it.
 export class Slider {
-  constructor({ label, values, unit, names = [], index, moved, light = false, modes = [] }) {
-    Object.assign(this, { label, values, unit, names, light, index, whole: values.every(Number.isInteger) });
+  constructor({ label, values, unit, names = [], index, moved, light = false, counted = true, modes = [] }) {
+    Object.assign(this, { label, values, unit, names, light, counted, index, whole: values.every(Number.isInteger) });
     this.input = element("input", { type: "range", min: 0, max: values.length - 1, step: 1, value: index, oninput: () => (this.set(Number(this.input.value)), moved(this.index)) });
     this.input.setAttribute("aria-label", label);
     this.output = element("output");
@@ -75,14 +76,15 @@ export class Slider {
     this.input.value = this.index;
     const unit = this.unit ? ` ${this.unit}` : "", count = `${this.index + 1} of ${this.values.length}`;
     const text = this.names[this.index] || `${shown(this.values[this.index], 5)}${unit}`;
-    this.output.textContent = this.names.length ? text : this.unit ? `${text} · ${count}` : `${this.label} ${count}`;
+    this.output.textContent = this.names.length || !this.counted ? text : this.unit ? `${text} · ${count}` : `${this.label} ${count}`;
     this.input.setAttribute("aria-valuetext", `${text}, ${count}`);
   }
 
   drawScale() {
     const width = this.scale.clientWidth || 300;
-    if (this.drawn === width) return;
-    this.drawn = width;
+    const drawn = `${width} ${ink.name}`;
+    if (this.drawn === drawn) return;
+    this.drawn = drawn;
     const context = fitted(this.scale, width, 16), count = this.values.length;
     const at = (index) => 8 + (index / Math.max(count - 1, 1)) * (width - 16);
     if (this.light) {
@@ -91,16 +93,23 @@ export class Slider {
       context.fillStyle = made;
       context.fillRect(at(0), 0, at(count - 1) - at(0), 3);
     }
-    context.fillStyle = "#9aa1ab";
+    context.fillStyle = ink.quiet;
     context.textAlign = "center";
     context.textBaseline = "bottom";
-    if (this.names.length) return;
+    if (this.names.length) return this.#drawNames(context, at, width);
     for (const value of ticks(this.values[0], this.values[count - 1], Math.min(10, width / 90))) {
       if (this.whole && value % 1) continue;
       const left = this.values.findLastIndex((one) => one <= value), next = Math.min(left + 1, count - 1);
       const share = next > left ? (value - this.values[left]) / (this.values[next] - this.values[left]) : 0;
       context.fillText(shown(value), clamp(at(left + share), 12, width - 12), 16);
     }
+  }
+
+  // Names of the planes, where there is room for all.
+  #drawNames(context, at, width) {
+    const count = this.names.length, wide = Math.max(...this.names.map((name) => context.measureText(name).width));
+    if ((wide + 12) * count > width) return;
+    this.names.forEach((name, index) => context.fillText(name, clamp(at(index), wide / 2, width - wide / 2), 16));
   }
 }
 
@@ -122,20 +131,21 @@ export class Looks {
       input.setAttribute("aria-label", label);
       return input;
     };
+    this.unit = element("span", { className: "hint" });
     this.ends = [number(0, "Darkest value"), number(1, "Brightest value")];
     const stretch = (text, title, shares) => element("button", { className: "small", textContent: text, title, onclick: () => this.#stretch(shares) });
     this.power = element("button", { className: "small", textContent: "γ 2.2", title: "Brighten dark values (gamma 2.2)", onclick: () => ((this.now.power = this.now.power === 1 ? 1 / 2.2 : 1), changed()) });
     this.root = element(
       "section", { className: "group" }, element("h2", {}, "Display"),
       element("div", { className: "row" }, this.which, this.maps, this.power), element("div", { className: "row" }, this.canvas),
-      element("div", { className: "row" }, this.ends[0], "to", this.ends[1]),
+      element("div", { className: "row" }, this.ends[0], "to", this.ends[1], this.unit),
       element("div", { className: "row" }, element("label", {}, "stretch"), stretch("full", "Smallest to largest value of this plane", [0, 1]), stretch("99 %", "All but half a per cent at either end", [0.005, 0.995]), stretch("95 %", "All but 2.5 per cent at either end", [0.025, 0.975]), element("button", { className: "small", textContent: "reset", title: "As at the beginning", onclick: () => ((this.now.span = this.now.usual), (this.now.power = 1), changed()) })),
     );
   }
 
   // How a kind of picture is shown: { map, span, power }, made with what is usual at first.
-  of(name, label, map, span) {
-    if (!this.known.has(name)) this.known.set(name, { label, map, span, usual: span, power: 1 });
+  of(name, label, map, span, unit = "") {
+    if (!this.known.has(name)) this.known.set(name, { label, map, span, usual: span, power: 1, unit });
     return this.known.get(name);
   }
 
@@ -167,8 +177,9 @@ export class Looks {
     }
     this.which.value = this.chosen;
     this.maps.value = this.now.map;
+    if (this.unit.textContent !== this.now.unit) this.unit.textContent = this.now.unit;
     this.power.setAttribute("aria-pressed", this.now.power !== 1);
-    this.ends.forEach((input, end) => document.activeElement !== input && (input.value = Number(this.now.span[end].toPrecision(5))));
+    this.ends.forEach((input, end) => input.getRootNode().activeElement !== input && (input.value = Number(this.now.span[end].toPrecision(4))));
     const values = valuesOf(this.chosen);
     if (!values) return;
     this.values = values;
