@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -169,8 +170,7 @@ def _all(
 def _computed(parts: Sequence[_Part], tell: Progress, jobs: int) -> list[_Outcome]:
     """Rows and pictures of every part, in their order."""
     if jobs <= 1:
-        count = len(parts)
-        return [part.run(lambda step, place=place: tell(place / count, step)) for place, part in enumerate(parts)]
+        return [part.run(partial(tell, place / len(parts))) for place, part in enumerate(parts)]
     outcomes: dict[int, _Outcome] = {}
     tell(0.0, f"{len(parts)} scenes, {min(jobs, len(parts))} at a time")
     for place, outcome in in_processes(_Part.run, [(part,) for part in parts], jobs):

@@ -198,7 +198,7 @@ class _Job:
             estimate = decode(self.taken, self.decoder, **how, **self.settings)
         metrics = {} if scene is None else evaluate(estimate, scene)
         if scene is None:
-            warn_of_estimate(estimate.values.numpy(force=True), "estimate")
+            warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
         estimate.notes |= metric_notes(metrics)
         written = [estimate.save(target, overwrite=output.overwrite)]
         if output.figures:

@@ -159,12 +159,13 @@ def check_light(light: xr.DataArray, where: str, least: float = 0.0) -> None:
         warn(f"{where}: values up to {high:.3g}, of which 1 is white", SceneWarning, stacklevel=4)
 
 
-def warn_of_estimate(values: np.ndarray, where: str) -> None:
+def warn_of_estimate(values: np.ndarray, where: str, stacklevel: int = 3) -> None:
     """Warn of an estimate of relative irradiance that is often far from any.
 
     Args:
         values: of the estimate, any shape.
         where: its name.
+        stacklevel: of the caller that is warned, see `warnings.warn`.
 
     Warns:
         SceneWarning: more than a hundredth of the values below −0.5 or above 1.5.
@@ -173,7 +174,7 @@ def warn_of_estimate(values: np.ndarray, where: str) -> None:
     if share > _FAR_SHARE:
         found = f"{share:.0%} of the values are below {-_FAR:g} or above {1 + _FAR:g}"
         hint = "does the decoder fit the camera, its noise and its scale?"
-        warn(f"{where}: {found}, of which 0 is black and 1 white; {hint}", SceneWarning, stacklevel=3)
+        warn(f"{where}: {found}, of which 0 is black and 1 white; {hint}", SceneWarning, stacklevel)
 
 
 def _found(scene: Any) -> str:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.metrics import psnr
+from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, sample_points, white_level
 from tmca.plots.light_field import centre_view, error_top
 from tmca.plots.paper import Curves, Panels, Picture, Scale, paper_figure
 from tmca.plots.style import bright_level, rms
-from tmca.plots.views import brightest, colour_views, horizontal_slice, liveliest, shown
+from tmca.plots.views import brightest, horizontal_slice, liveliest, shown
 
 if TYPE_CHECKING:
     import xarray as xr
