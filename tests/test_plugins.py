@@ -65,6 +65,28 @@ def test_it_imports_what_lies_beside_it_and_the_path_stays_as_it_was(file, tmp_p
     sys.modules.pop("vendor_of_mine")
 
 
+def test_files_of_two_folders_import_their_own_module_of_one_name(tmp_path):
+    lamps = []
+    for level in (3, 4):
+        folder = tmp_path / str(level)
+        folder.mkdir()
+        (folder / "levels.py").write_text(f"LEVEL = {level}\n")
+        (folder / "lamp.py").write_text("from levels import LEVEL\nclass Lamp:\n    level = LEVEL\n")
+        lamps.append(class_from_file(f"{folder / 'lamp.py'}:Lamp", object, "--device"))
+    assert [lamp.level for lamp in lamps] == [3, 4]
+
+
+def test_an_edited_module_beside_a_file_makes_another_class(tmp_path):
+    (tmp_path / "brightness.py").write_text("LEVEL = 3\n")
+    (tmp_path / "lamp.py").write_text("from brightness import LEVEL\nclass Lamp:\n    level = LEVEL\n")
+    first = class_from_file(f"{tmp_path / 'lamp.py'}:Lamp", object, "--device")
+    before = foreign_source(first)
+    (tmp_path / "brightness.py").write_text("LEVEL = 50\n")
+    second = class_from_file(f"{tmp_path / 'lamp.py'}:Lamp", object, "--device")
+    assert (first.level, second.level) == (3, 50)
+    assert foreign_source(second) != before
+
+
 @pytest.mark.parametrize(("text", "said"), [
     ("lmmse", "--decoder: found 'lmmse', expected FILE.py:Class"),
     ("{file}:", "--decoder: found '.*:', expected FILE.py:Class"),

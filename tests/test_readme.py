@@ -81,7 +81,9 @@ def first_of(camera):
     return taken, decoded
 
 
-@pytest.mark.parametrize("camera", ["spectral", "light-field", pytest.param("spectral-depth", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "camera", ["spectral", *(pytest.param(name, marks=pytest.mark.slow) for name in ("light-field", "spectral-depth"))]
+)
 def test_the_first_snapshot_of_every_camera_is_taken_and_reconstructed(camera, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for line in first_of(camera):

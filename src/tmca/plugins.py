@@ -4,7 +4,7 @@ is named with them, and their source."""
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
@@ -126,14 +126,15 @@ def _defined(value: Any, module: ModuleType, base: type) -> bool:
 
 
 _FROM_FILES: dict[str, tuple[str, ModuleType]] = {}
-"""Modules of files that were run, by their name, with the digest of the source that was run."""
+"""Modules of files that were run, by their name, with the digest of the sources that were run."""
+_BESIDE: dict[str, list[Path]] = {}
+"""Sources that such a module imported from its folder, by its name."""
 
 
 def _run_file(path: Path, name: str) -> ModuleType:
     """The module of a file; what fails in it is a SettingError in one line that says where."""
     called = f"{path.stem}_{sha256(str(path).encode()).hexdigest()[:12]}"
-    digest = source_digest(path)
-    if called in _FROM_FILES and _FROM_FILES[called][0] == digest:
+    if called in _FROM_FILES and _FROM_FILES[called][0] == _digest_of_all([path, *_BESIDE[called]]):
         return _FROM_FILES[called][1]
     spec = spec_from_file_location(called, path)
     assert spec is not None
@@ -141,31 +142,46 @@ def _run_file(path: Path, name: str) -> ModuleType:
     module = module_from_spec(spec)
     before, sys.modules[called] = sys.modules.get(called), module  # data classes look their module up
     try:
-        with _importing_beside(path):
+        with _importing_beside(path) as beside:
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         sys.modules.pop(called)
         sys.modules.update({} if before is None else {called: before})
         said = f"{type(error).__name__}: {error}{_line_in(path, error)}"
         raise SettingError(name, f"{path}, which fails with {said}", "a file that runs", "mend it") from error
-    _FROM_FILES[called] = digest, module
+    _BESIDE[called] = beside
+    _FROM_FILES[called] = _digest_of_all([path, *beside]), module
     return module
 
 
 @contextmanager
-def _importing_beside(path: Path) -> Iterator[None]:
-    """Modules of the file's folder can be imported, after all others of their names."""
+def _importing_beside(path: Path) -> Iterator[list[Path]]:
+    """Modules of the file's folder can be imported, after all others of their names; at the end their sources.
+
+    Those that such files imported before are forgotten: another folder has its own of the same names.
+    """
+    others = {str(source) for sources in _BESIDE.values() for source in sources}
+    for name in [name for name, module in sys.modules.items() if getattr(module, "__file__", None) in others]:
+        del sys.modules[name]
+    beside: list[Path] = []
     sys.path.append(str(path.parent))
     try:
-        yield
+        yield beside
     finally:
         sys.path.remove(str(path.parent))
+        sources = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
+        there = {Path(source) for source in sources if source is not None} - {path}
+        beside += sorted(source for source in there if path.parent in source.parents)
 
 
 def _line_in(path: Path, error: BaseException) -> str:
     """The line of a file that an error comes from, unless its text says so."""
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
     return f" (line {lines[-1]})" if lines else ""
+
+
+def _digest_of_all(files: Sequence[Path]) -> str:
+    return " ".join(source_digest(file) for file in files if file.exists())
 
 
 def source_digest(place: Path) -> str:
@@ -197,7 +213,7 @@ def _source(name: str) -> str:
     """Digest of the source of a package or a module, else its version."""
     module = sys.modules.get(name)
     places = getattr(module, "__path__", None) or [getattr(module, "__file__", None)]
-    there = [Path(place) for place in places if place and Path(place).exists()]
+    there = [Path(place) for place in places if place and Path(place).exists()] + _BESIDE.get(name, [])
     if any(place.is_file() or next(place.rglob("*.py"), None) for place in there):
         return " ".join(map(source_digest, there))
     return " ".join(version(distribution) for distribution in packages_distributions().get(name, ()))

@@ -89,7 +89,13 @@ def test_what_does_not_fit_the_views_is_refused(place, capsys, more, said):
 
 
 @pytest.mark.filterwarnings("default::tmca.data.light_field_scenes.UnevenGrid")
-@pytest.mark.parametrize("command", ["simulate", "reconstruct", "evaluate", "train", "sweep"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "simulate",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("reconstruct", "evaluate", "train", "sweep")),
+    ],
+)
 def test_a_grid_that_is_not_square_is_used_with_a_warning(place, capsys, command):
     shutil.rmtree(place / "scene")
     write_folder(place / "scene", shifted_plane(5, SIZE)[:3], lambda v, u: f"{v}_{u}.png")

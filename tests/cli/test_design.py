@@ -64,6 +64,7 @@ def test_the_page_names_codes_that_were_left_out(capsys):
     assert left_out in Path("d/design.html").read_text()
 
 
+@pytest.mark.slow
 def test_the_answer_may_be_the_static_code(capsys):
     assert "Do not multiplex" in said(capsys, "design", "spectral", *SMALL, "--read-noise", "30", "--out", "d")
     assert read_codes("d/codes.nc").aperture.shape == (1, 6, 6)

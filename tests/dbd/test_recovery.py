@@ -124,6 +124,7 @@ def test_guard_carriers_carry_nothing(method):
             solve(Problem(problem.y, sources, 0.0), method)
 
 
+@pytest.mark.slow
 def test_more_unknowns_than_samples_mean_nothing():
     rng = np.random.default_rng(0)
     sources = (Source("radar", noise(rng, 4, 6, 2), np.zeros(4, int)), Source("link", noise(rng, 4, 6, 2), range(4)))
@@ -140,7 +141,7 @@ def test_a_silent_source_does_not_spoil_an_exact_fit():
     assert recovery.exact
 
 
-@pytest.mark.parametrize(("frequencies", "pulses", "seed"), [(6, 4, 2), (7, 5, 2)])
+@pytest.mark.parametrize(("frequencies", "pulses", "seed"), [(6, 4, 2), pytest.param(7, 5, 2, marks=pytest.mark.slow)])
 def test_noise_is_never_explained_exactly(frequencies, pulses, seed):
     problem = simulate(M=frequencies, P=pulses, J=2, targets=1, paths=1, basis="gaussian")
     recovery = solve(Problem(noise(np.random.default_rng(seed), pulses, frequencies), problem.sources, 0.0))

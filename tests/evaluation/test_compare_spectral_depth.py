@@ -105,6 +105,7 @@ FEW = {  # planes, and pixels: too few to judge masks on examples
 }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_searched_masks_are_measured_and_predicted_as_their_file_has_them(tmp_path):
     learned, measured = (scene(tmp_path / f"{n}.nc", k, (36, 40)) for k, n in enumerate(("learned", "measured")))
     study = checked_study({**FEW, "name": "few", "scenes": {"train": [learned], "test": [measured]}}, "few")

@@ -93,7 +93,7 @@ def test_the_value_of_the_dual_tells_whether_the_truth_is_its_optimum(tmp_path):
     assert shared.values[0] < separate.values[0] + 2e-3
 
 
-@pytest.mark.parametrize(("told", "silent"), [("known", True), ("zero", False)])
+@pytest.mark.parametrize(("told", "silent"), [("known", True), pytest.param("zero", False, marks=pytest.mark.slow)])
 def test_noise_alone_is_never_exact_whatever_the_solver_is_told(tmp_path, told, silent):
     fixed = {"M": 5, "P": 4, "J": 2, "L": 1, "Q": 1, "snr_db": -100, "separation": 0.1}
     row = run_study(Study({"sigma": [told]}, fixed, 2), tmp_path)[0]

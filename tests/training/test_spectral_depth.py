@@ -119,7 +119,7 @@ def test_the_first_stage_follows_codes_that_learn(tmp_path):
     assert not (tmp_path / "starts").exists()
 
 
-@pytest.mark.parametrize("start", ["snapshot", "likelihood"])
+@pytest.mark.parametrize("start", ["snapshot", pytest.param("likelihood", marks=pytest.mark.slow)])
 def test_a_run_that_is_stopped_ends_as_one_that_is_not(tmp_path, start):
     changes = {"decoder": {**TINY["decoder"], "start": start}, "camera.learn": ["mask"], "codes.frozen": 0.5}
     changes |= {"data.pool": 8}

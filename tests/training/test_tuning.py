@@ -98,6 +98,7 @@ def test_windows_draw_every_capture_as_often(size, side):
     assert wide.columns == slice(0, size[1])
 
 
+@pytest.mark.slow
 def test_a_run_that_is_stopped_ends_as_one_that_is_not(run, captures, tmp_path):
     whole = tuned(run, captures, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):

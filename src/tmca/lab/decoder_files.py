@@ -98,9 +98,13 @@ def file_of(cls: type[Any]) -> Path | None:
 def _own(text: str, where: str) -> type[Decoder]:
     """A class of a file; its name is that of the class, and it is for all cameras, where it does not say."""
     cls = class_from_file(text, Decoder, where)
-    for part, usual in (("name", cls.__name__), ("label", getattr(cls, "name", cls.__name__)), ("cameras", _all())):
-        if not hasattr(cls, part):
-            setattr(cls, part, usual)
+    own = vars(cls)
+    if "name" not in own:  # one that it inherits is another decoder's
+        cls.name = cls.__name__
+    if "label" not in own:
+        cls.label = cls.name
+    if not hasattr(cls, "cameras"):
+        cls.cameras = _all()
     if DECODERS.get(cls.name) in _FILES:  # of another file, that was named before
         DECODERS.pop(cls.name)
     register(cls)
