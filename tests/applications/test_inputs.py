@@ -6,7 +6,7 @@ import torch
 import xarray as xr
 
 import tmca
-from tmca.data.in_memory import SceneWarning
+from tmca.data.in_memory import SceneWarning, even_bands
 from tmca.data.unlabelled import of_array
 from tmca.decoders.decoder import NoRenderedPrior
 from tmca.errors import DataError, ShapeError
@@ -105,6 +105,11 @@ def test_bands_without_wavelengths_are_assumed_and_that_is_said(form):
     with pytest.warns(SceneWarning, match="evenly spaced from 400 to 700 nm"):
         snapshot = tmca.simulate(given, tmca.SpectralCamera(slots=2))
     assert snapshot.camera.wavelengths == pytest.approx([400e-9, 550e-9, 700e-9])
+
+
+def test_of_a_single_band_the_wavelength_that_is_taken_is_said():
+    with pytest.warns(SceneWarning, match="1 band without a wavelength, taken as 550 nm"):
+        assert even_bands(1) == pytest.approx([550e-9])
 
 
 @pytest.mark.parametrize("form", ["labelled", *FORMS[1:]])

@@ -113,3 +113,12 @@ def test_a_driver_is_tried_by_its_file_and_its_settings_are_named(tmp_path, caps
     assert not Path("captures").exists()
     assert "captures.nc" in said(capsys, *command, "--set", "port=3")
     assert Snapshot.load("captures.nc").values.shape == (1, *camera.snapshot_shape)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_paths_with_spaces_are_quoted_for_the_shell(part, tmp_path, capsys):
+    folder = tmp_path / "my parts"
+    folder.mkdir()
+    told = said(capsys, "new", part, f"my-{part}", "--out", folder)
+    assert f"python -m pytest '{folder / f'test_my_{part}.py'}'" in told
+    assert {"camera": f"cd '{folder}' && "}.get(part, f" '{folder / f'my_{part}.py'}:") in told

@@ -2,16 +2,20 @@
 
 import json
 
+import numpy as np
 import pytest
 import torch
+import xarray as xr
 
 from tests.cli.refusals import refused
+from tmca import simulate
 from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.data import read_dataset
 from tmca.decoders import DECODERS
 from tmca.errors import SettingError
 from tmca.lab.decoder_files import decoder_named, decoders_named, loaded
+from tmca.plots.side_by_side import what_differs
 
 MINE = """
 from tmca.decoders import Decoder
@@ -79,9 +83,39 @@ def test_a_setting_goes_to_the_decoders_that_have_it(here, capsys):
 
 def test_several_need_a_folder_and_names_of_their_own(here, capsys):
     assert "a folder" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,admm-tv", "--out", "x.nc")
+    (here / "runs.v2").mkdir()
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger,mine.py:Mine", "--out", "runs.v2", "--no-figures"])
+    assert (here / "runs.v2" / "static_dagger.nc").exists()
     again = ("reconstruct", "static_snapshot.nc", "static_snapshot.nc", "-d", "dagger")
     assert "several for static_dagger.nc" in refused(capsys, *again)
     assert "dagger twice" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,dagger")
+
+
+def test_estimates_of_other_bands_have_no_common_picture(here, capsys):
+    for name, ends in (("low", (400e-9, 540e-9)), ("high", (560e-9, 700e-9))):
+        camera = SpectralCamera(tuple(np.linspace(*ends, 4).tolist()), (20, 24), slots=1)
+        simulate("coffee", camera).save(f"{name}_snapshot.nc")
+    capsys.readouterr()
+    main(["reconstruct", "low_snapshot.nc", "high_snapshot.nc", "-d", "dagger", "--truth", "coffee"])
+    assert "no comparison.png: the estimates differ in wavelength" in capsys.readouterr().out
+    assert not (here / "comparison.png").exists()
+    asked = ("evaluate", "low_dagger.nc", "high_dagger.nc", "coffee", "--figure", "mix.png")
+    assert "they differ in wavelength" in refused(capsys, *asked)
+    assert not (here / "mix.png").exists()
+
+
+def test_an_estimate_stands_once_and_a_missing_truth_is_said_alone(here, capsys):
+    main(["reconstruct", "static_snapshot.nc", "-d", "dagger", "--no-figures"])
+    assert "static_dagger.nc twice" in refused(capsys, "evaluate", "static_dagger.nc", "static_dagger.nc", "coffee")
+    assert "nope" in refused(capsys, "evaluate", "static_dagger.nc", "nope")
+    assert "nope" in refused(capsys, "reconstruct", "buckets_snapshot.nc", "-d", "dagger", "--truth", "nope")
+
+
+def test_other_truths_of_the_same_bands_have_no_common_picture():
+    estimate = xr.Dataset({"estimate": ("wavelength", np.zeros(3))}, {"wavelength": [4e-7, 5e-7, 6e-7]})
+    truth = estimate["estimate"]
+    assert what_differs([estimate, estimate], [truth, truth]) == ""
+    assert what_differs([estimate, estimate], [truth, truth + 1]) == "truth"
 
 
 @pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")

@@ -11,6 +11,7 @@ from tmca.dbd import (
     Chirp,
     Ofdm,
     Problem,
+    SampledWaveform,
     Source,
     Units,
     basis_from_waveform,
@@ -98,10 +99,10 @@ def test_a_recording_in_time_gives_the_targets_of_a_known_chirp():
 PULSE = (np.arange(12) - 6) / 16 + 1j * (np.arange(12) % 5 - 2) / 8
 
 
-def sigmf(folder, kind, values, about=None):
+def sigmf(folder, kind, values, about=None, frequency=77e9):
     """A pair of files."""
     head = {"core:datatype": kind, "core:sample_rate": 5e6, "core:version": "1.2.0"} | (about or {})
-    captures = [{"core:sample_start": 0, "core:frequency": 77e9}]
+    captures = [{"core:sample_start": 0, "core:frequency": frequency}]
     (folder / "p.sigmf-meta").write_text(json.dumps({"global": head, "captures": captures, "annotations": []}))
     values.tofile(folder / "p.sigmf-data")
     return folder / "p.sigmf-meta"
@@ -124,7 +125,12 @@ def interleaved(values):
 def test_sigmf_of_every_type_is_read_as_it_was_written(tmp_path, kind, stored):
     recorded = read_recording(sigmf(tmp_path, kind, stored))
     np.testing.assert_allclose(recorded.samples, PULSE, atol=1e-7)
-    assert (recorded.sample_rate_hz, recorded.carrier_hz) == (5e6, 77e9)
+    assert recorded.sample_rate_hz == 5e6
+
+
+def test_sigmf_of_the_baseband_is_read(tmp_path):
+    file = sigmf(tmp_path, "cf32_le", interleaved(PULSE).astype("<f4"), frequency=0)
+    np.testing.assert_allclose(read_recording(file).samples, PULSE, atol=1e-7)
 
 
 def test_the_first_of_several_channels_is_read(tmp_path):
@@ -185,6 +191,28 @@ def test_waveforms_of_the_command_line_and_of_yaml_are_the_same(tmp_path):
 def test_bad_waveforms_are_refused(given, said):
     with pytest.raises((SettingError, DataError), match=said):
         read_waveforms(given)
+
+
+def test_a_missing_setting_or_name_is_said_in_words():
+    with pytest.raises(SettingError) as raised:
+        read_waveforms("radar=chirp:duration=1e-6")
+    assert str(raised.value) == "waveform radar: found no bandwidth_hz, expected bandwidth_hz, duration_s, pieces"
+    with pytest.raises(SettingError, match="without a NAME, expected NAME=KIND"):
+        read_waveforms("=chirp:bandwidth=8e6,duration=1e-6")
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"count": 0}, "count of samples: found 0, expected a whole number, 1 or more"),
+        ({"count": 1.5}, "count of samples: found 1.5"),
+        ({"start_s": float("nan")}, "start of samples: found nan"),
+        ({"sample_rate_hz": 0.0}, "sample rate of samples: found 0 Hz, expected above 0 Hz"),
+    ],
+)
+def test_settings_of_samples_are_checked(settings, said):
+    with pytest.raises(SettingError, match=said):
+        SampledWaveform("p.npy", **settings)
 
 
 def test_bad_samples_are_refused():

@@ -9,7 +9,7 @@ from tmca.evaluation import StudyResults, checked_study
 
 def row(code, decoder, psnr, sam):
     names = {"method": f"{code} + {decoder}", "code": code, "noise": "low", "decoder": decoder, "scenes": {}}
-    return {**names, "psnr": psnr, "sam": sam}
+    return {**names, "psnr": psnr, "sam": sam, "ssim": psnr and psnr / 50}
 
 
 ROWS = [row("static", "lmmse", 30.0, 5.0), row("one-hot", "lmmse", 32.5, 3.0), row("one-hot", "dagger", None, None)]
@@ -19,7 +19,7 @@ FOUND = {
     "split": {"test": ["coffee"]},
     "rows": ROWS,
 }  # fmt: skip
-PSNR, SAM = ("psnr", "PSNR (dB)", ".2f"), ("sam", "SAM (°)", ".2f")
+PSNR, SAM, SSIM = ("psnr", "PSNR (dB)", ".2f"), ("sam", "SAM (°)", ".2f"), ("ssim", "SSIM", ".2f")
 
 
 def test_they_are_the_dictionary_of_the_file():
@@ -28,7 +28,7 @@ def test_they_are_the_dictionary_of_the_file():
     assert json.loads(json.dumps(results)) == FOUND
 
 
-@pytest.mark.parametrize(("column", "best"), [(PSNR, "32.50"), (SAM, "3.00")])
+@pytest.mark.parametrize(("column", "best"), [(PSNR, "32.50"), (SAM, "3.00"), (SSIM, "0.65")])
 def test_the_best_row_is_told_and_drawn_first(column, best):
     results = StudyResults(FOUND, column)
     assert f"best: one-hot + lmmse: {column[1]} {best}" in repr(results)

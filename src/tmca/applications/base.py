@@ -180,9 +180,10 @@ class Application(ABC):
         Warns:
             SceneWarning: another scene than the snapshot's.
         """
+        scene = self.fitted(self.read(source, **reading), camera, source)
         if noted := noted_reading(notes):
             compare_source(noted.get("source", source), source)
-        return self.fitted(self.read(source, **reading), camera, source)
+        return scene
 
     @abstractmethod
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: Any, camera: Any) -> dict[str, float]:

@@ -188,8 +188,8 @@ def evaluation_of(
         raise ShapeError(where, found, "one", remedy)
     if isinstance(truth, str | Path):
         colours = len(parts["values"]) > 1
-        compare_scene(stored.attrs, str(truth))
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
+        compare_scene(stored.attrs, str(truth))
     else:
         for name in {} if isinstance(estimate, str | Path) else reading:
             raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")

@@ -55,6 +55,8 @@ def evaluate(
     named = [str(estimate), truth, *more]
     files, source = named[:-1], named[-1]
     for file in files:
+        if files.count(file) > 1:
+            raise SettingError("estimate", f"{file} twice", "each once", "leave one out")
         check_figure(figure, overwrite, file)
         if figure is not None and Path(file).resolve() == figure.resolve():
             raise SettingError("figure", str(figure), "another file than the estimate")
@@ -89,14 +91,15 @@ def _together(found: dict[str, Evaluation]) -> Figure:
     """All estimates beside the truth of the first.
 
     Raises:
-        SettingError: estimates of several shapes.
+        SettingError: estimates that differ in shape or coordinates, or in their truth.
     """
-    from tmca.plots.side_by_side import side_by_side
+    from tmca.plots.side_by_side import side_by_side, what_differs
 
-    shapes = {file: _shape(one) for file, one in found.items()}
-    if len({*shapes.values()}) > 1:
-        said = ", ".join(f"{Path(file).name} {shape}" for file, shape in shapes.items())
-        raise SettingError("figure", f"estimates of several shapes: {said}", "one", "leave the figure out")
+    differing = what_differs([one.estimate for one in found.values()], [one.truth for one in found.values()])
+    if differing:
+        shapes = ", ".join(f"{Path(file).name} {_shape(one)}" for file, one in found.items())
+        text = f"estimates of several shapes: {shapes}" if differing == "shape" else f"they differ in {differing}"
+        raise SettingError("figure", text, "estimates of one scene and kind", "leave the figure out")
     names = _short([*found])
     return side_by_side(
         {(names[file], ""): one.estimate for file, one in found.items()}, next(iter(found.values())).truth

@@ -8,6 +8,7 @@ from importlib.resources import files
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
+from shlex import quote
 from string import Template
 from sys import stdlib_module_names
 from typing import Literal, NamedTuple
@@ -104,13 +105,13 @@ def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     file, test = out / f"{named.module}.py", out / f"test_{named.module}.py"
     group = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "driver": "tmca.devices"}[part]
     place = f"{named.module}:{named.Class}" if part != "camera" else named.module  # which has the application too
-    lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {test}"]
+    lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {quote(str(test))}"]
     if part == "decoder":
-        lines.append(f"try it with: tmca reconstruct SNAPSHOT.nc --decoder {file}:{named.Class}")
+        lines.append(f"try it with: tmca reconstruct SNAPSHOT.nc --decoder {quote(f'{file}:{named.Class}')}")
     if part == "driver":
-        lines.append(f"try it with: tmca capture EXPORT --device {file}:{named.Class}")
+        lines.append(f"try it with: tmca capture EXPORT --device {quote(f'{file}:{named.Class}')}")
     if part == "camera":
-        there = "" if out == Path() else f"cd {out} && "
+        there = "" if out == Path() else f"cd {quote(str(out))} && "
         code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
         lines.append(f"try it with: {there}python -c '{code}'")
     return "\n".join([

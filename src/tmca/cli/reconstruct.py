@@ -217,8 +217,9 @@ class _Job:
         how = self.asked.reading.of(application.kind)
         if truth is None:
             return None
+        scene = application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
         compare_scene(taken.notes, truth)
-        return application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
+        return scene
 
 
 @contextmanager
@@ -272,21 +273,20 @@ def _folder(out: Path | None) -> Path:
 
     if out is None:
         return Path()
-    if out.suffix:
+    if out.suffix and not out.is_dir():
         raise OutputError(out, "one file for several estimates", "a folder")
     make_folder(out)
     return out
 
 
 def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool) -> list[str]:
-    """Draw all estimates side by side where they are of one shape; what is said of it."""
-    from tmca.plots.side_by_side import side_by_side
+    """Draw all estimates side by side where they and their truths fit together; what is said of it."""
+    from tmca.plots.side_by_side import side_by_side, what_differs
     from tmca.plots.style import save_figure
 
-    shapes = {str({name: values.shape for name, values in one.estimate.data_vars.items() if name != "deviation"})
-              for one in done.values()}  # fmt: skip
-    if len(shapes) > 1:
-        return ["no comparison.png: the estimates differ in shape"]
+    differing = what_differs([one.estimate for one in done.values()], [one.scene for one in done.values()])
+    if differing:
+        return [f"no comparison.png: the estimates differ in {differing}"]
     snapshots = dict.fromkeys(name for name, _ in done)
     decoders = dict.fromkeys(name for _, name in done)
     names = {

@@ -120,7 +120,8 @@ def even_bands(count: int, where: str = "scene") -> np.ndarray:
     Warns:
         SceneWarning: says so.
     """
-    text = f"{where}: {count} bands without wavelengths, taken as evenly spaced from 400 to 700 nm"
+    bands = f"{count} bands without wavelengths, taken as evenly spaced from 400 to 700 nm"
+    text = f"{where}: {bands if count > 1 else '1 band without a wavelength, taken as 550 nm'}"
     # warned of from one line, so that Python says it once
     warn(f"{text}; an xarray coordinate wavelength says others", SceneWarning, stacklevel=1)
     return np.linspace(400e-9, 700e-9, count) if count > 1 else np.array([550e-9])

@@ -31,7 +31,6 @@ class RecordedSamples(NamedTuple):
     samples: Complex
     """``(T,)``, or ``(J, T)``."""
     sample_rate_hz: float | None = None
-    carrier_hz: float | None = None
 
 
 class SigmfGlobal(Attributes):
@@ -47,7 +46,6 @@ class SigmfCapture(Attributes):
 
     sample_start: int = Field(default=0, alias="core:sample_start", ge=0)
     header_bytes: int = Field(default=0, alias="core:header_bytes", ge=0)
-    frequency: float | None = Field(default=None, alias="core:frequency", gt=0)
 
 
 def read_recording(path: str | Path, variable: str | None = None) -> RecordedSamples:
@@ -139,7 +137,7 @@ def _sigmf(path: Path) -> RecordedSamples:
     captures = parts.get("captures")
     first = attributes_of(SigmfCapture, _mapping(captures[0] if isinstance(captures, list) and captures else {}), meta)
     values = _raw(data, about.datatype, about.channels, first.header_bytes)[first.sample_start :]
-    return RecordedSamples(_samples(data, "samples", values), about.sample_rate, first.frequency)
+    return RecordedSamples(_samples(data, "samples", values), about.sample_rate)
 
 
 def _mapping(value: Any) -> dict[str, Any]:

@@ -7,7 +7,7 @@ sent gives a column; a single column is a signal that is known up to its gain.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -130,6 +130,13 @@ class SampledWaveform:
     kind: ClassVar[str] = "samples"
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
+    def __post_init__(self) -> None:
+        if self.sample_rate_hz is not None:
+            check_range("sample rate of samples", self.sample_rate_hz, above=0, unit="Hz")
+        check_range("start of samples", self.start_s, unit="s")
+        if self.count is not None:
+            check_range("count of samples", self.count, 1, whole=True)
+
     def rows(self, pulses: int, frequencies: int, delay_s: float) -> Complex:
         """``(M, J)``, their spectra.
 
@@ -139,7 +146,7 @@ class SampledWaveform:
         from tmca.dbd.recordings import read_recording
 
         recorded = read_recording(self.file, self.variable)
-        rate = self.sample_rate_hz or recorded.sample_rate_hz
+        rate = recorded.sample_rate_hz if self.sample_rate_hz is None else self.sample_rate_hz
         if rate is None:
             raise DataError(self.file, "no sample rate", "one", "give sample_rate=… in hertz")
         samples = recorded.samples[..., : self.count]
@@ -267,6 +274,8 @@ def read_waveforms(given: str) -> dict[str, Waveform]:
     """
     name, equals, rest = given.partition("=")
     if equals:
+        if not name.strip():
+            raise SettingError("waveform", f"{given!r}, without a NAME", "NAME=KIND:SETTING=VALUE,…")
         kind, _, settings = rest.partition(":")
         pairs = dict(one.partition("=")[::2] for one in settings.split(",") if one)
         return {name: _waveform(f"waveform {name}", {"kind": kind, **pairs}, Path())}
@@ -286,7 +295,8 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
         kind = described.get("kind") if isinstance(described, Mapping) else described
         raise SettingError(where, f"kind {kind!r}", f"one of {', '.join(KINDS)}")
     made = KINDS[described["kind"]]
-    full = {field.rpartition("_")[0]: field for field in made.__dataclass_fields__ if field.endswith(("_hz", "_s"))}
+    names = [field.name for field in fields(made)]
+    full = {name.rpartition("_")[0]: name for name in names if name.endswith(("_hz", "_s"))}
     settings = {full.get(name, name): _plain(value) for name, value in described.items() if name != "kind"}
     try:
         waveform: Waveform = TypeAdapter(made).validate_python(settings)
@@ -295,7 +305,9 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, SettingError):
             raise SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
-        place, known = ".".join(map(str, first["loc"])), ", ".join(made.__dataclass_fields__)
+        place, known = ".".join(map(str, first["loc"])), ", ".join(names)
+        if first["type"] == "missing":
+            raise SettingError(where, f"no {place}", known) from error
         raise SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}") from error
     if isinstance(waveform, SampledWaveform):
         return SampledWaveform(folder / waveform.file, *list(vars(waveform).values())[1:])

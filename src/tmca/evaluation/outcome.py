@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from tmca.evaluation.tables import Column
+from tmca.metrics.merits import MERITS
 from tmca.summaries import Summary
 
 if TYPE_CHECKING:
@@ -54,7 +55,8 @@ class StudyResults(Summary, dict[str, Any]):
     def _ranked(self) -> list[dict[str, Any]]:
         """Rows that have the figure of merit, the best first."""
         rows = [row for row in self["rows"] if row.get(self._column[0]) is not None]
-        return sorted(rows, key=lambda row: row[self._column[0]], reverse=self._column[0] == "psnr")
+        merit = MERITS.get(self._column[0])
+        return sorted(rows, key=lambda row: row[self._column[0]], reverse=merit is not None and merit.higher is True)
 
     def _facts(self) -> dict[str, str]:
         study, ranked, (key, heading, form) = self["study"], self._ranked(), self._column

@@ -48,6 +48,42 @@ def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None) -> Fig
     return paper_figure(_views(values, real) if "view_v" in first["estimate"].dims else _others(values, real))
 
 
+def what_differs(estimates: Sequence[xr.Dataset], truths: Sequence[Any]) -> str:
+    """What keeps estimates out of one picture: a shape, a coordinate or the truth; nothing where they fit.
+
+    Args:
+        estimates: as `Estimate.to_xarray` labels them.
+        truths: of each, brought to its camera; or None.
+    """
+    first, *others = estimates
+    for one in others:
+        if _shapes(one) != _shapes(first):
+            return "shape"
+        for name, values in _coordinates(first).items():
+            if not np.allclose(_coordinates(one).get(name, np.nan), values, rtol=1e-6, atol=0):
+                return name
+    return "" if all(_is_same(truths[0], truth) for truth in truths[1:]) else "truth"
+
+
+def _shapes(estimate: xr.Dataset) -> dict[str, tuple[int, ...]]:
+    return {str(name): one.shape for name, one in estimate.data_vars.items() if name != "deviation"}
+
+
+def _coordinates(estimate: xr.Dataset) -> dict[str, np.ndarray]:
+    """Of bands and views."""
+    names = ("wavelength", "view_v", "view_u")
+    return {name: np.asarray(estimate.coords[name].values) for name in names if name in estimate.coords}
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    """Whether two truths have the same values."""
+    if one is None or other is None:
+        return one is other
+    if hasattr(one, "data_vars"):
+        return all(_is_same(one[name], other[name]) for name in ("radiance", "depth"))
+    return np.array_equal(np.asarray(one), np.asarray(other), equal_nan=True)
+
+
 def _cubes(values: Mapping[Name, np.ndarray], truth: np.ndarray | None, waves: Sequence[float]) -> Panels:
     """Colour composites, error maps, and spectra at points."""
     reference = next(iter(values.values())) if truth is None else truth
