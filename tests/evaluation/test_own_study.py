@@ -10,7 +10,7 @@ from tmca.cli import main
 from tmca.data import read_dataset, write_dataset
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
-from tmca.evaluation.own import own_study, read_sensors
+from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 
@@ -156,3 +156,10 @@ def test_the_usual_codes_and_decoder_stand_in_for_those_not_named():
     assert depth.decoders == ("likelihood",)
     assert "motorcycle" not in depth.scenes.train
     assert read_study("spectral").figure is False
+
+
+def test_files_of_codes_of_one_name_are_told_apart_by_their_folders(here):
+    names = _code_names(["a/codes.nc", "b/codes.nc", "cassi", "x/cassi.nc", "c/else.nc"])
+    assert [*names.values()] == ["a/codes", "b/codes", "cassi", "x/cassi", "else"]
+    with pytest.raises(SettingError, match="a/codes twice"):
+        _code_names(["a/codes.nc", "b/a/codes.nc"])

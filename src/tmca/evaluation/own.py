@@ -164,7 +164,20 @@ def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
     for name in chosen:
         if chosen.count(name) > 1:
             raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
-    return {Path(name).stem if Path(name).suffix else name: _code(kind, name) for name in chosen}
+    return {own: _code(kind, name) for name, own in _code_names(chosen).items()}
+
+
+def _code_names(chosen: Sequence[str]) -> dict[str, str]:
+    """What was asked for → its name in the study: a file's without its suffix, behind its folder's where two clash."""
+    short = {name: Path(name).stem if Path(name).suffix else name for name in chosen}
+    several = list(short.values())
+    for name, stem in short.items():
+        if several.count(stem) > 1 and Path(name).suffix:
+            short[name] = f"{Path(name).resolve().parent.name}/{stem}"
+    for name, own in short.items():
+        if list(short.values()).count(own) > 1:
+            raise SettingError("codes", f"{own} twice, once as {name}", "codes of different names", "rename a file")
+    return short
 
 
 def _code(kind: str, name: str) -> Settings:
