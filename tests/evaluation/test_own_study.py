@@ -171,3 +171,9 @@ def test_scenes_that_leave_none_to_learn_from_are_refused_where_a_prior_needs_th
     with pytest.raises(SettingError, match="scenes: found all rendered scenes that priors learn from"):
         own_study(rendered, crop=(20, 24))
     assert own_study(rendered, crop=(20, 24), decoders=["dagger"]).scenes.train == ()
+
+
+def test_a_sensor_file_without_an_entry_is_one_line(here):
+    (here / "empty.yaml").write_text("{}")
+    with pytest.raises(DataError, match=r"empty.yaml: found no entry"):
+        read_sensors("empty.yaml")

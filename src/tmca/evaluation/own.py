@@ -104,6 +104,8 @@ def read_sensors(file: str | Path) -> dict[str, dict[str, Any]]:
         DataError: no such file, or an entry that no sensor has.
     """
     stored = read_yaml(file, "YAML with a sensor, such as full_well: 10000, or several by their names")
+    if not stored:
+        raise DataError(str(file), "no entry", "arguments of a sensor, such as full_well: 10000")
     several = all(isinstance(value, Mapping) for value in stored.values())
     sensors = stored if several else {Path(file).stem: stored}
     return {str(name): _sensor(f"{file}: {name}" if several else str(file), one) for name, one in sensors.items()}
