@@ -10,7 +10,8 @@ from tmca.cli import main
 from tmca.data import read_dataset, write_dataset
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
-from tmca.evaluation.own import own_study, read_sensors
+from tmca.evaluation.camera import evaluation_of
+from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 
@@ -156,3 +157,23 @@ def test_the_usual_codes_and_decoder_stand_in_for_those_not_named():
     assert depth.decoders == ("likelihood",)
     assert "motorcycle" not in depth.scenes.train
     assert read_study("spectral").figure is False
+
+
+def test_files_of_codes_of_one_name_are_told_apart_by_their_folders(here):
+    names = _code_names(["a/codes.nc", "b/codes.nc", "cassi", "x/cassi.nc", "c/else.nc"])
+    assert [*names.values()] == ["a/codes", "b/codes", "cassi", "x/cassi", "else"]
+    with pytest.raises(SettingError, match="a/codes twice"):
+        _code_names(["a/codes.nc", "b/a/codes.nc"])
+
+
+def test_scenes_that_leave_none_to_learn_from_are_refused_where_a_prior_needs_them():
+    rendered = sorted(evaluation_of("spectral").rendered()["train"])
+    with pytest.raises(SettingError, match="scenes: found all rendered scenes that priors learn from"):
+        own_study(rendered, crop=(20, 24))
+    assert own_study(rendered, crop=(20, 24), decoders=["dagger"]).scenes.train == ()
+
+
+def test_a_sensor_file_without_an_entry_is_one_line(here):
+    (here / "empty.yaml").write_text("{}")
+    with pytest.raises(DataError, match=r"empty.yaml: found no entry"):
+        read_sensors("empty.yaml")

@@ -11,6 +11,7 @@ from tmca.cameras import CAMERAS
 from tmca.data import read_dataset
 from tmca.data.scene_names import named_scenes, short_names
 from tmca.data.scenes import scene_kind
+from tmca.decoders import decoders as registered_decoders
 from tmca.errors import DataError, SettingError, TmcaError, check_choice, did_you_mean
 from tmca.evaluation.camera import Settings, evaluation_of
 from tmca.evaluation.study import Study, checked_study, usual_settings
@@ -81,12 +82,13 @@ def own_study(
     application_of(kind)
     noises = sensor if isinstance(sensor, Mapping) else {"noise-free": {}} if sensor is None else read_sensors(sensor)
     names = short_names(sources)
+    used = list(decoders) or [application_of(kind).default_decoder]
     described: Settings = {
         **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
-        "scenes": {"train": _learned_from(kind, sources), "test": sources},
+        "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
         "reading": {**_reading(kind, sources, crop, bands), **(reading or {})},
         "codes": _codes(kind, codes), "noises": noises, "seeds": seeds, "patches": 0,
-        "decoders": list(decoders) or [application_of(kind).default_decoder],
+        "decoders": used,
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
     }  # fmt: skip
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
@@ -102,6 +104,8 @@ def read_sensors(file: str | Path) -> dict[str, dict[str, Any]]:
         DataError: no such file, or an entry that no sensor has.
     """
     stored = read_yaml(file, "YAML with a sensor, such as full_well: 10000, or several by their names")
+    if not stored:
+        raise DataError(str(file), "no entry", "arguments of a sensor, such as full_well: 10000")
     several = all(isinstance(value, Mapping) for value in stored.values())
     sensors = stored if several else {Path(file).stem: stored}
     return {str(name): _sensor(f"{file}: {name}" if several else str(file), one) for name, one in sensors.items()}
@@ -126,12 +130,21 @@ def _kind_of(sources: Sequence[str]) -> str:
     return next(iter(kinds.values()))
 
 
-def _learned_from(kind: str, sources: Sequence[str]) -> list[str]:
-    """Rendered scenes to learn from, none of them measured; none where the cached prior of all of them will do."""
+def _learned_from(kind: str, sources: Sequence[str], used: Sequence[str], codes: Sequence[str]) -> list[str]:
+    """Rendered scenes to learn from, none of them measured; none where the cached prior of all of them will do.
+
+    Raises:
+        SettingError: a prior or a search needs scenes to learn from, and all of them are measured.
+    """
     rendered = sorted(evaluation_of(kind).rendered().get("train", ()))
     stems = {source.partition(":")[0] for source in sources}
-    needed = kind == "spectral-depth" or bool(stems & {*rendered})
-    return [name for name in rendered if name not in stems] if needed else []
+    if kind != "spectral-depth" and not stems & {*rendered}:
+        return []
+    left, known = [name for name in rendered if name not in stems], registered_decoders()
+    learns = DESIGNED in codes or any(name in known and known[name].prior_kind for name in used)
+    if rendered and not left and learns:
+        raise SettingError("scenes", "all rendered scenes that priors learn from", "one of them left out")
+    return left
 
 
 def _reading(kind: str, sources: Sequence[str], crop: tuple[int, int] | None, bands: int | None) -> Settings:
@@ -164,7 +177,20 @@ def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
     for name in chosen:
         if chosen.count(name) > 1:
             raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
-    return {Path(name).stem if Path(name).suffix else name: _code(kind, name) for name in chosen}
+    return {own: _code(kind, name) for name, own in _code_names(chosen).items()}
+
+
+def _code_names(chosen: Sequence[str]) -> dict[str, str]:
+    """What was asked for → its name in the study: a file's without its suffix, behind its folder's where two clash."""
+    short = {name: Path(name).stem if Path(name).suffix else name for name in chosen}
+    several = list(short.values())
+    for name, stem in short.items():
+        if several.count(stem) > 1 and Path(name).suffix:
+            short[name] = f"{Path(name).resolve().parent.name}/{stem}"
+    for name, own in short.items():
+        if list(short.values()).count(own) > 1:
+            raise SettingError("codes", f"{own} twice, once as {name}", "codes of different names", "rename a file")
+    return short
 
 
 def _code(kind: str, name: str) -> Settings:
