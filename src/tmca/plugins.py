@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import EntryPoint, entry_points, packages_distributions, version
-from importlib.util import module_from_spec, spec_from_file_location
+from importlib.util import cache_from_source, module_from_spec, spec_from_file_location
 from inspect import isabstract
 from pathlib import Path
 from traceback import extract_tb
@@ -141,6 +141,7 @@ def _run_file(path: Path, name: str) -> ModuleType:
     assert spec.loader is not None
     module = module_from_spec(spec)
     before, sys.modules[called] = sys.modules.get(called), module  # data classes look their module up
+    Path(cache_from_source(str(path))).unlink(missing_ok=True)  # it may be of a source of the same size and second
     try:
         with _importing_beside(path) as beside:
             spec.loader.exec_module(module)
