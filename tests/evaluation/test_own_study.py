@@ -2,10 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 from tests.cli.refusals import refused
+from tmca.applications import application_of
 from tmca.cli import main
 from tmca.data import read_dataset, write_dataset
 from tmca.data.scenes import load_scene
@@ -177,3 +180,10 @@ def test_a_sensor_file_without_an_entry_is_one_line(here):
     (here / "empty.yaml").write_text("{}")
     with pytest.raises(DataError, match=r"empty.yaml: found no entry"):
         read_sensors("empty.yaml")
+
+
+def test_what_is_no_spectral_scene_is_one_line(monkeypatch):
+    views = xr.DataArray(np.ones((3, 3, 3, 20, 24)), dims=("v", "u", "channel", "y", "x"))
+    monkeypatch.setattr(type(application_of("spectral")), "read", lambda self, source, **how: views)
+    with pytest.raises(DataError, match=r"field.nc: found a scene of v, u, channel, y, x, expected a spectral scene"):
+        own_study(["field.nc"], camera="spectral")

@@ -152,7 +152,7 @@ def _reading(kind: str, sources: Sequence[str], crop: tuple[int, int] | None, ba
     if bands is not None and kind != "spectral":
         raise SettingError("bands", str(bands), f"none of a {kind} camera", "leave it out")
     if kind == "spectral":
-        least = min(int(application_of(kind).read(source).sizes["wavelength"]) for source in sources)
+        least = min(_bands(source) for source in sources)
         return {"bands": bands or least, **({} if crop is None else {"size": crop})}
     if kind == "light-field":
         frame = crop or _least_frame(sources)
@@ -160,6 +160,14 @@ def _reading(kind: str, sources: Sequence[str], crop: tuple[int, int] | None, ba
     if kind == "spectral-depth":
         return {"side": max(256, min(crop)) if crop else 256, **({} if crop is None else {"crop": crop})}
     return {} if crop is None else {"size": crop}
+
+
+def _bands(source: str) -> int:
+    """How many bands a spectral scene has."""
+    scene = application_of("spectral").read(source)
+    if "wavelength" not in scene.dims:
+        raise DataError(source, f"a scene of {', '.join(map(str, scene.dims))}", "a spectral scene")
+    return int(scene.sizes["wavelength"])
 
 
 def _least_frame(sources: Sequence[str]) -> tuple[int, int]:
