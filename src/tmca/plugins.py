@@ -148,7 +148,7 @@ def _run_file(path: Path, name: str) -> ModuleType:
     except (Exception, SystemExit) as error:
         sys.modules.pop(called)
         sys.modules.update({} if before is None else {called: before})
-        said = f"{type(error).__name__}: {error}{_line_in(path, error)}"
+        said = f"{type(error).__name__}: {error}{line_in(path, error)}"
         raise SettingError(name, f"{path}, which fails with {said}", "a file that runs", "mend it") from error
     _BESIDE[called] = beside
     _FROM_FILES[called] = _digest_of_all([path, *beside]), module
@@ -175,8 +175,8 @@ def _importing_beside(path: Path) -> Iterator[list[Path]]:
         beside += sorted(source for source in there if path.parent in source.parents)
 
 
-def _line_in(path: Path, error: BaseException) -> str:
-    """The line of a file that an error comes from, unless its text says so."""
+def line_in(path: Path, error: BaseException) -> str:
+    """The last line of a file that an error comes through, in brackets; empty where it is none of that file."""
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
     return f" (line {lines[-1]})" if lines else ""
 

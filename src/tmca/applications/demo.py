@@ -157,9 +157,7 @@ def _all(
     done = dict(zip(parts, _computed(parts, tell, jobs), strict=True))
     sections, rows = [], {}
     for kind, demo in demos.items():
-        scenes = {
-            part.name: done[part] for name in demo.scenes for part in parts if (part.kind, part.name) == (kind, name)
-        }
+        scenes = {part.name: outcome for part, outcome in done.items() if part.kind == kind}
         rows[demo.key] = [row for one, _ in scenes.values() for row in one]
         sections += _sections(kind, demo, rows[demo.key], {name: drawn for name, (_, drawn) in scenes.items()})
     write_report(out / "report.html", "tmca demo: snapshot cameras", sections, overwrite=overwrite)

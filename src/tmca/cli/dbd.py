@@ -11,8 +11,9 @@ from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import MaybeWhole, On, Whole, numbers
 from tmca.cli.options.output import Json, Overwrite, check_figure, check_targets, say
-from tmca.cli.progress import cell_done, progress_bar
+from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
+from tmca.progress import progress_bar
 
 if TYPE_CHECKING:
     from tmca.dbd import Problem

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from tmca.cli.options.numbers import size as parsed_size
 from tmca.cli.options.output import Json, Overwrite, say
-from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError
+from tmca.progress import progress_bar
 
 
 def demo(

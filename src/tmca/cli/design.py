@@ -12,8 +12,9 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import BENCH, READING, group, scenes_of
 from tmca.cli.options.numbers import Whole, size, whole_numbers
 from tmca.cli.options.output import Json, Overwrite, check_figure, say
-from tmca.cli.progress import cell_done, progress_bar
+from tmca.cli.progress import cell_done
 from tmca.errors import DataError, SettingError, TmcaError
+from tmca.progress import progress_bar
 from tmca.specs import (
     BandsReading,
     CodeSearchSpec,

@@ -10,8 +10,8 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import CAMERA, READING, SENSOR, scenes_of
 from tmca.cli.options.numbers import MaybeWhole, Whole
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, say
-from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
+from tmca.progress import progress_bar
 from tmca.specs import BandsReading, LightFieldsReading, SensorSpec, SpectralSpec
 
 app = App(name="prior", help="Learn, show and judge codes by a Gaussian prior of scene blocks.")

@@ -1,12 +1,8 @@
-"""Progress of commands on standard error: bars, and lines for the cells of a table."""
+"""Lines for the cells of a table, as they are done."""
 
 from __future__ import annotations
 
 import sys
-
-from tmca.progress import Report, progress_bar
-
-__all__ = ["Report", "cell_done", "progress_bar"]
 
 
 def cell_done(done: int, total: int, name: str, left: float) -> None:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from traceback import extract_tb
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import App, Parameter
@@ -14,8 +13,8 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
-from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError, SettingError, TmcaError
+from tmca.progress import progress_bar
 from tmca.specs import CAMERA_SPECS, TruthReading
 
 if TYPE_CHECKING:
@@ -226,6 +225,7 @@ class _Job:
 def _failures_of(cls: type[Decoder] | None) -> Iterator[None]:
     """Within it, what a decoder of a file of one's own raises is one line that says where."""
     from tmca.lab.decoder_files import file_of
+    from tmca.plugins import line_in
 
     own = None if cls is None else file_of(cls)
     try:
@@ -235,9 +235,7 @@ def _failures_of(cls: type[Decoder] | None) -> Iterator[None]:
     except Exception as error:
         if cls is None or own is None:
             raise
-        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(own)]
-        at = f" (line {lines[-1]})" if lines else ""
-        found = f"{cls.name} of {own}, which fails with {type(error).__name__}: {error}{at}"
+        found = f"{cls.name} of {own}, which fails with {type(error).__name__}: {error}{line_in(own, error)}"
         raise SettingError("decoder", found, "an estimate", "mend it") from error
 
 

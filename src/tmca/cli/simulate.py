@@ -11,9 +11,9 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, CameraChoice, Faults, code_files
 from tmca.cli.options.numbers import Whole, pair, size
 from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets, say
-from tmca.cli.progress import progress_bar
 from tmca.cli.sweep import one_value
 from tmca.errors import SettingError
+from tmca.progress import progress_bar
 from tmca.specs import (
     BandsReading,
     DepthReading,

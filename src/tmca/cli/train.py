@@ -14,8 +14,8 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole
 from tmca.cli.options.output import Json, say
-from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError
+from tmca.progress import progress_bar
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
 app = App(

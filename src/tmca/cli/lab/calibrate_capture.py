@@ -7,8 +7,8 @@ from typing import Any
 
 from tmca.cli.lab.bench import BenchOptions
 from tmca.cli.options.numbers import Whole, numbers
-from tmca.cli.progress import progress_bar
 from tmca.errors import check_range
+from tmca.progress import progress_bar
 
 _BENCH = BenchOptions()
 

@@ -10,8 +10,8 @@ from cyclopts import App
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import Json, Overwrite, say
-from tmca.cli.progress import progress_bar
 from tmca.errors import OutputError, SettingError
+from tmca.progress import progress_bar
 
 app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
 _BENCH = BenchOptions()

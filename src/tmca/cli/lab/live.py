@@ -16,8 +16,8 @@ from cyclopts import App, Group, Parameter
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import MaybeOn, MaybeWhole, On, Whole, pair
 from tmca.cli.options.output import Json, Overwrite, say
-from tmca.cli.progress import progress_bar
 from tmca.errors import SettingError, TmcaError, check_range
+from tmca.progress import progress_bar
 
 if TYPE_CHECKING:
     from tmca.lab.live import Shown

@@ -11,7 +11,7 @@ from cyclopts import App
 
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say, warned
-from tmca.cli.progress import progress_bar
+from tmca.progress import progress_bar
 
 if TYPE_CHECKING:
     import xarray as xr
