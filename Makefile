@@ -5,7 +5,7 @@ export OMP_NUM_THREADS ?= 1
 # One more than two cores: some tests wait.
 WORKERS ?= 3
 
-.PHONY: demo test test-all lint fuzz kills benchmarks train-shipped docs clean
+.PHONY: demo test test-all lint fuzz kills benchmarks train-shipped docs dist clean
 
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -46,6 +46,14 @@ benchmarks: .venv/installed
 docs: .venv/installed
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict
 
+# What the Python Package Index would take, in dist/, checked.
+dist:
+	$(PYTHON) -m venv .dist
+	.dist/bin/pip install --quiet --disable-pip-version-check build twine
+	rm -rf dist
+	.dist/bin/python -m build --quiet
+	.dist/bin/twine check --strict dist/*
+
 # Ten minutes of training of the network that comes with the package; run again, it goes on where it ended. Other data:
 # `make train-shipped DATA=folder`, a folder with splits/.
 train-shipped: .venv/installed runs/shipped/cubes/about.pt
@@ -56,4 +64,4 @@ runs/shipped/cubes/about.pt: | .venv/installed
 	.venv/bin/python -m studies.shipped.train pack $(DATA)/splits --out runs/shipped/cubes
 
 clean:
-	rm -rf .venv
+	rm -rf .venv .dist dist

@@ -22,8 +22,13 @@ _PROVOKED = ("tmca.optics.StrayLight", "tmca.optics.Undersampled", "tmca.lab.qua
 ``pytest.warns``, those of the command line read its lines."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests come first, the longest before all: no worker waits for another at the end."""
+    """Tests in a browser are slow. Files with slow tests come first, the longest before all: no worker waits for
+    another at the end."""
+    for item in items:
+        if "browser" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.slow)
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: (item.path.name not in _LONGEST, item.path not in slow))
     ignored = pytest.mark.filterwarnings(*(f"ignore::{name}" for name in _PROVOKED))

@@ -85,6 +85,7 @@ def test_a_cube_is_placed_and_its_bands_are_chosen(tmp_path):
         load_spectral_depth(str(file), (480e-9, 740e-9), near=0.4, far=2.0, placed="pieces")
 
 
+@pytest.mark.slow
 def test_a_snapshot_gives_cube_and_depth_back_with_files_and_pictures(tmp_path, camera, prior):
     scene = scene_of()
     taken = simulate(scene, camera)

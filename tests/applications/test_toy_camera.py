@@ -252,6 +252,7 @@ def psnr(slots, decoder, seed=0):
     return tmca.evaluate(tmca.reconstruct(taken, decoder), scene)["psnr"]
 
 
+@pytest.mark.slow
 def test_a_study_compares_it(capsys):
     about = {
         "camera": "single-pixel", "scenes": {"test": ["coffee"]}, "reading": {"size": [*SIZE]},

@@ -115,6 +115,7 @@ def test_options_stay_as_they_are(name, command):
     assert options(command) == json.loads(FROZEN.read_text())["options"].get(name, [])
 
 
+@pytest.mark.slow
 def test_json_stays_as_it_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert printed() == json.loads(FROZEN.read_text())["json"]

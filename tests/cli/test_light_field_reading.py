@@ -75,6 +75,7 @@ def test_a_grid_without_a_centre_view_is_told(tmp_path, capsys):
     assert "even: 4×4 views have no centre one; taken are rows 1 to 3 and columns 1 to 3" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "reading"), [("odd", NAMES), ("lens.png", ["--lens", "3x3"])])
 def test_an_unknown_naming_or_lens_grid_is_read_everywhere(place, capsys, scene, reading):
     assert scene != "odd" or "--pattern" in refused(capsys, "inspect", "odd")

@@ -33,6 +33,7 @@ def clean(monkeypatch):
             del sys.modules[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_a_template_passes_its_own_test(part, tmp_path, capsys, clean):
     told = said(capsys, "new", part, f"my-{part}", "--out", tmp_path)

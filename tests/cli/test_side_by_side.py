@@ -42,6 +42,7 @@ def here(tmp_path, monkeypatch, capsys):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_snapshots_times_decoders_are_written_and_drawn_side_by_side(here, capsys):
     main(["reconstruct", "static_snapshot.nc", "buckets_snapshot.nc", "-d", "dagger,mine.py:Mine", "--truth", "coffee",
           "--out", "all", "--json"])  # fmt: skip
@@ -91,6 +92,7 @@ def test_several_need_a_folder_and_names_of_their_own(here, capsys):
     assert "dagger twice" in refused(capsys, "reconstruct", "static_snapshot.nc", "-d", "dagger,dagger")
 
 
+@pytest.mark.slow
 def test_estimates_of_other_bands_have_no_common_picture(here, capsys):
     for name, ends in (("low", (400e-9, 540e-9)), ("high", (560e-9, 700e-9))):
         camera = SpectralCamera(tuple(np.linspace(*ends, 4).tolist()), (20, 24), slots=1)
@@ -128,6 +130,7 @@ def test_a_truth_of_another_scene_is_told_and_the_work_goes_on(here, capsys):
     assert "| static_Mine.nc |" in told.out
 
 
+@pytest.mark.slow
 def test_sweeps_take_decoders_of_files(here, capsys):
     main(["sweep", "spectral", "coffee", "--bands", "4", "--crop", "20x24", "--vary", "slots=1,2", "--decoder",
           "mine.py:Mine", "--json"])  # fmt: skip

@@ -65,6 +65,7 @@ def windows_are_parts_of_the_whole(folder):
         torch.testing.assert_close(one, other, atol=1e-4, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_spectral_decoder(capsys, folder):
     train("spectral", "chelsea", *SMALL, "data.bands=3")
     camera = Weights.load("run").camera_for(SIZE)

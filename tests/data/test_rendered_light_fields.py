@@ -99,6 +99,7 @@ def test_both_ends_of_another_range_are_respected():
     np.testing.assert_allclose(flat, 1, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["astronaut", "coffee"])
 def test_true_disparity_brings_every_view_onto_the_centre_view_where_nothing_hides(scenes, name):
     """Hidden pixels are few and thin; beside them what remains is the blur of resampling once more."""

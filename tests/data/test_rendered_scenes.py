@@ -23,6 +23,7 @@ def scenes():
     return {name: rendered_scene(name, size=(128, 128)) for name in rendered_names()}
 
 
+@pytest.mark.slow
 def test_every_scene_is_complete(scenes):
     for name, scene in scenes.items():
         assert scene.radiance.dims == ("wavelength", "y", "x")
@@ -75,9 +76,9 @@ def test_the_same_seed_gives_the_same_scene_and_another_seed_another():
     assert float(np.abs(first.depth - other.depth).max()) > 0.01
 
 
-def test_a_colour_does_not_tell_its_spectrum(scenes):
+def test_a_colour_does_not_tell_its_spectrum():
     """Pixels of one colour (to 1 %) differ in spectrum by more than such a difference of colour explains."""
-    scene = scenes["astronaut"].reflectance.values.reshape(31, -1).T
+    scene = rendered_scene("astronaut", size=(128, 128)).reflectance.values.reshape(31, -1).T
     rgb = scene @ (measured.rgb_observer() @ _interpolation(scene.shape[1])).T
     rng = np.random.default_rng(0)
     angles = []
@@ -108,6 +109,7 @@ def _unexplained(cube):
     return np.sum((spectra - predicted) ** 2) / np.sum(spectra**2)
 
 
+@pytest.mark.slow
 def test_spectra_are_as_diverse_as_real_ones(scenes, real_data):
     folder = real_data / "hsi" / "cave_uint8_512"
     files = [scipy.io.loadmat(folder / f"{name}.mat")["orig"] for name in ("feathers", "paints", "toys")]

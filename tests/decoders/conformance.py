@@ -83,7 +83,7 @@ def settings_for(cls, kind, buckets=1):
     """Few iterations, and weights where there is a network."""
     names = {setting.name for setting in fields(cls)}
     few = {"iterations": 3} if "iterations" in names else {}
-    few |= {"changing": 0.3} if "changing" in names else {}  # not looked for
+    few |= {"changing": 0.3, "lifetime": 2.0} if "changing" in names else {}  # not looked for
     few |= {"motion": 1.0} if "motion" in names else {}  # the blocks of these priors are small
     return few | ({"weights": weights_for(kind, buckets)} if cls.name == "network" else {})
 

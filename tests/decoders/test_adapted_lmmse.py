@@ -55,6 +55,7 @@ def test_a_refitted_prior_has_a_positive_covariance_and_the_estimate_s_moments()
     torch.testing.assert_close(fitted.mean, own.mean)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "size"),
     [("single disperser", (33, 64)), ("dual disperser", (40, 57)), ("two taps per band", (33, 64))],

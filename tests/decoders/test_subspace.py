@@ -91,6 +91,7 @@ def decibels(estimate: torch.Tensor, scene: torch.Tensor) -> float:
     return float(-10 * torch.log10((estimate.clamp(0, 1) - scene).square().mean()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "settings",
     [

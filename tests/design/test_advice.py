@@ -82,6 +82,7 @@ def test_no_slot_that_fits_leaves_the_static_code(examples):
     assert (found.chosen, found.burst, found.multiplex) == (None, None, False)
 
 
+@pytest.mark.slow
 def test_codes_that_cannot_hold_the_light_are_left_out(examples):
     how = {"slots": [4, 2], "throughput": 0.9, "period": (4, 6), "survey": SMALL, "effort": SMALL, "bands": 3}
     found = advise(examples, SensorSheet(), kinds=["one-hot"], **how)
@@ -92,6 +93,7 @@ def test_codes_that_cannot_hold_the_light_are_left_out(examples):
     assert some.left_out == (("one-hot", 2),)
 
 
+@pytest.mark.slow
 def test_noise_beyond_the_signal_is_not_multiplexed(examples):
     sheet = SensorSheet(read_noise=30.0)
     found = advise(examples, sheet, slots=[4], kinds=["one-hot"], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
@@ -99,6 +101,7 @@ def test_noise_beyond_the_signal_is_not_multiplexed(examples):
     assert found.best is found.static
 
 
+@pytest.mark.slow
 def test_a_second_bucket_is_tried_beside_the_first_and_a_burst(examples):
     sheet = SensorSheet(read_noise=0.02, buckets=2)
     found = advise(examples, sheet, slots=[2, 4], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)

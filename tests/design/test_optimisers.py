@@ -51,6 +51,7 @@ def test_flips_end_where_no_single_flip_helps():
             latent[0, 0, place] *= -1
 
 
+@pytest.mark.slow
 def test_descent_and_flips_come_near_the_best_of_all_codes():
     error = tile_error()
     every = []

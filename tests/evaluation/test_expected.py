@@ -22,9 +22,10 @@ def camera(**settings):
     return SpectralCamera(bands=3, size=(24, 48), slots=2, period=(2, 2), seed=3, **settings)
 
 
-@pytest.mark.parametrize(
-    "sensor", [{"read_noise": 0.02}, {"full_well": 2000.0, "read_noise_electrons": 3.0}, {"read_noise": 0.5}]
-)
+@pytest.mark.parametrize("sensor", [
+    {"full_well": 2000.0, "read_noise_electrons": 3.0},
+    *(pytest.param({"read_noise": noise}, marks=pytest.mark.slow) for noise in (0.02, 0.5)),
+])  # fmt: skip
 def test_on_patches_of_the_prior_the_measured_error_is_the_predicted_one(sensor):
     patches = list(PRIOR.sample(PATCHES, seed=5))
     predicted, measured = predicted_and_measured(PRIOR, camera(sensor=Sensor(**sensor)), patches, count=16 * PATCHES)

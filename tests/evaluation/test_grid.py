@@ -31,7 +31,7 @@ def never(cell):
     raise AssertionError("computed again")
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_every_cell_is_computed_in_order(tmp_path, jobs):
     found = run_cells(CELLS, square, tmp_path, jobs=jobs)
     assert [cell["square"] for cell in found] == [0, 1, 4, 9, 16]

@@ -151,6 +151,7 @@ def test_the_study_of_the_docs_runs(tmp_path, monkeypatch, capsys):
 DESIGNED = {"codes": {"two": {"camera": {"buckets": 2}, "search": {"kind": "two-bucket", "slots": 2}}}, "seeds": 1}
 
 
+@pytest.mark.slow
 def test_codes_of_two_buckets_are_searched_in_a_tile_given_by_one_side(tmp_path, monkeypatch, capsys):
     """Scenes to learn from are the rendered ones; the searched codes are measured."""
     monkeypatch.chdir(tmp_path)
@@ -162,6 +163,7 @@ def test_codes_of_two_buckets_are_searched_in_a_tile_given_by_one_side(tmp_path,
     assert row["psnr"] > 10
 
 
+@pytest.mark.slow
 def test_a_search_without_a_tile_is_refused(tmp_path, capsys):
     about = written(tmp_path, **DESIGNED, scenes={"train": ["astronaut", "rocket"], "test": ["coffee"]})
     assert "settings.period" in refused(capsys, "study", str(about), "--out", str(tmp_path), lines=None)

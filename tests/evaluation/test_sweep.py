@@ -21,6 +21,7 @@ def sweep(folder, vary, scenes=("coffee",), bands=4, size=(24, 32), overwrite=Fa
     return run_sweep(asked, folder / "out", folder / "work", overwrite=overwrite, progress=progress)
 
 
+@pytest.mark.slow
 def test_every_combination_is_measured_once_and_kept(tmp_path):
     told = []
     vary = {"noise": [0.0, 0.05], "slots": [1, 2]}

@@ -45,6 +45,7 @@ def test_contrast_squeezes_texture_and_keeps_means_and_depth(scenes):
             assert found["depth"].equals(whole["depth"])
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("scenes")
 def test_depth_needs_texture(capsys, tmp_path):
     fixed = ("--set", "slots=4", "--set", "noise=0.002", "--set", "shutter=one-hot")
@@ -95,6 +96,7 @@ def test_scenes_that_cannot_be_read_so_are_refused_before_anything_is_measured(c
     assert not list(tmp_path.glob("found*"))
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("scenes")
 def test_tiles_larger_than_the_usual_window_are_swept(capsys):
     main(sweep("--vary", "period=2,14", "--set", "slots=2", "--set", "noise=0.01", "--json"))

@@ -32,6 +32,7 @@ def installed(tmp_path, monkeypatch):
     load_plugins.cache_clear()
 
 
+@pytest.mark.slow
 def test_it_is_learned_read_and_reconstructs(installed, capsys):
     installed(SOURCE)
     scene = read("coffee", bands=3, size=(32, 40))

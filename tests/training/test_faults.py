@@ -51,6 +51,7 @@ def test_codes_learn_behind_another_prism_and_a_relay_that_blurs(tmp_path, fault
     assert losses(tmp_path / "faulty") != losses(tmp_path / "perfect")
 
 
+@pytest.mark.slow
 def test_a_stopped_run_meets_the_same_faults_again(tmp_path):
     faults = {"rolling": [0, 1], "leakage": [0, 0.1]}
     tiny.train(tmp_path / "whole", **{"optimiser.steps": 6}, faults=faults)

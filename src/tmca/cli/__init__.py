@@ -151,6 +151,8 @@ def _in_options(error: TmcaError, tokens: list[str]) -> str:
     given = [name for name in _set_names(tokens) if field in (name, name.rpartition(".")[2])]
     if given and option not in tokens:
         return f"--set {given[0]}{str(error)[len(field) :]}"
+    if not field.isidentifier():
+        return str(error)
     command = app.parse_commands(tokens)[1][-1]
     options = {name for argument in command.assemble_argument_collection() for name in argument.names}
     has_option = error.where.isprintable() and option in options

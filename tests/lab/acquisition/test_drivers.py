@@ -123,6 +123,7 @@ def test_a_driver_that_hangs_ends_the_capture_in_one_line_and_loses_no_frame(tmp
     assert len([*(tmp_path / "frames").glob("*.tif")]) == 3 + 4
 
 
+@pytest.mark.slow
 def test_the_process_ends_while_a_driver_hangs():
     code = "\n".join([
         "import threading",

@@ -116,6 +116,7 @@ def version_0_1(folder, *names):
     return path
 
 
+@pytest.mark.slow
 def test_calibrations_of_version_0_1_are_read(tmp_path):
     path = version_0_1(tmp_path)
     for name in (path, path.with_suffix(".json"), tmp_path / "cam"):

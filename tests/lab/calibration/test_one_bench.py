@@ -124,6 +124,7 @@ def test_even_light_of_a_bench_does_not_stand_for_white(tmp_path):
         list(measure_all(tmp_path / "bench", Calibration.empty(), StepSettings()))
 
 
+@pytest.mark.slow
 def test_a_camera_of_one_slot_is_calibrated_behind_a_coded_exposure(tmp_path):
     camera = SpectralCamera(bands=4, size=(33, 40), slots=1, seed=2, sensor=Sensor(1e-3))
     found = measured(tmp_path / "b", exported(tmp_path, camera, "dli4120", SHUTTERS[0]), camera, None)
@@ -136,6 +137,7 @@ def test_a_folder_without_frames_is_refused(tmp_path, name, words):
         next(measure_all(tmp_path / name, Calibration.empty(), StepSettings()))
 
 
+@pytest.mark.slow
 def test_outside_its_mask_a_device_is_dark(tmp_path):
     """So a mask that is displaced by a pixel leaves a dark row, which the registered one knows."""
     camera, hardware = spectral(), Hardware(misregistration=(1.0, 0.0))

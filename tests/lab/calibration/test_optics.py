@@ -88,6 +88,7 @@ def test_a_few_wavelengths_need_no_curve(count):
     assert np.abs(found.at(NM[:count] * 1e-9) - glass(NM[:count])).max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_curve_through_every_wavelength_leaves_nothing_that_is_known():
     frames = displaced(glass(NM))
     found = [measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, order=order) for order in (3, 4)]
@@ -113,6 +114,7 @@ def test_light_that_ends_before_the_mask_displaces_nothing():
     assert np.abs(displacement_of(frame, PATTERN, REGISTERED).shift).max() < 5e-3
 
 
+@pytest.mark.slow
 def test_the_deviation_of_a_shift_is_that_of_many_captures():
     clean = displaced([(0.3, 1.2)], snr=300)[0]
     noise = 20 * np.random.default_rng(0).standard_normal((12, *SENSOR))
@@ -124,6 +126,7 @@ def test_the_deviation_of_a_shift_is_that_of_many_captures():
 VIEWS = [(v, u) for v in (-1, 0, 1) for u in (-2, 0, 2)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [(1.0, 1.0), (0.87, 1.13), (-0.4, 0.55)])
 def test_shear_is_found_again_to_a_fiftieth_of_a_pixel_per_view(step):
     shifts = [(0.1 - step[0] * v, -0.2 - step[1] * u) for v, u in VIEWS]
@@ -137,6 +140,7 @@ def test_shear_is_found_again_to_a_fiftieth_of_a_pixel_per_view(step):
     assert lit[0, 0] == pytest.approx(0.75, abs=0.01)
 
 
+@pytest.mark.slow
 def test_shear_does_not_depend_on_where_the_mask_was_registered():
     frames = displaced([(-0.9 * v, -1.1 * u) for v, u in VIEWS])
     elsewhere = replace(REGISTERED, matrix=moved(REGISTERED.matrix, (0.6, -0.8)), wavelength=620e-9)

@@ -89,7 +89,11 @@ MEASURED = [
     for name, step in STEPS.items()
     if name in LABS[kind].steps and step.fit is not None and (name != "buckets" or kind == "two buckets")
 ]
-each_step = pytest.mark.parametrize(("kind", "name"), MEASURED, ids=[" ".join(one) for one in MEASURED])
+QUICK = ("two buckets", "spectral-depth")
+each_step = pytest.mark.parametrize(("kind", "name"), [
+    pytest.param(kind, name, id=f"{kind} {name}", marks=() if kind in QUICK else pytest.mark.slow)
+    for kind, name in MEASURED
+])  # fmt: skip
 
 
 def part_names(bench, name):

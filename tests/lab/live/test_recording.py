@@ -88,6 +88,7 @@ with Recording({path!r}, CAMERA) as recording:
 """
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_all_frames_but_the_last(tmp_path):
     path = tmp_path / "k.zarr"
     code = KILLED.format(tests=os.getcwd(), path=str(path))

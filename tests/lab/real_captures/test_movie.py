@@ -47,7 +47,7 @@ def test_the_gram_matrix_is_solved_in_closed_form():
     torch.testing.assert_close(operator.A(operator.A_adjoint(solved)) + 0.3 * solved, snapshot)
 
 
-@pytest.mark.parametrize("exposure", ["equal", "per-slot"])
+@pytest.mark.parametrize("exposure", [pytest.param("equal", marks=pytest.mark.slow), "per-slot"])
 def test_the_kriged_frames_of_an_even_scene_are_even(exposure):
     own = camera(16, (20, 21), shutter=one_hot(16, (20, 21)), exposure=exposure)
     snapshot = Snapshot(own.A(torch.full((1, 1, 20, 21), 0.4)), own)
@@ -88,6 +88,7 @@ def test_a_bar_that_moves_is_followed(method, share):
         assert error / np.sqrt(np.mean(found.deviation.numpy() ** 2)) == pytest.approx(1, abs=0.4)
 
 
+@pytest.mark.slow
 def test_the_noise_of_a_sample_is_in_its_standard_deviation():
     """The error where a pixel was open, in the frame in which it was: that of its sample, little less."""
     noise, size, slots = 0.02, (48, 49), 16

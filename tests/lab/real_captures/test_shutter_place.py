@@ -46,6 +46,7 @@ def test_displaced_patterns_lie_on_the_pixels_they_are_displaced_to(shift):
     assert own.shape == (5 - abs(shift[0]), 6 - abs(shift[1]))
 
 
+@pytest.mark.slow
 def test_the_real_shutters_lie_and_begin_where_their_prototype_says(real_data):
     file = real_data / "cassi" / "pixel_shutter_wine" / "wine.mat"
     for name, stated in load_prototype("pixel-shutter-wine").captures.items():
