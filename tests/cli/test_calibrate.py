@@ -183,7 +183,19 @@ def exported(shown, tmp_path):
 @pytest.mark.parametrize(("camera", "scene"), [("spectral", "coffee"), ("light-field", "coffee:1")])
 def test_two_buckets_with_faults_reconstruct_as_a_bench_without(capsys, camera, scene):
     """By at most 0.5 dB worse, of a reconstruction that loses more where nobody measured them."""
-    how = ["--slots", "4", "--shutter", "balanced", "--buckets", "2", "--read-noise", "0.001", "--no-figures"]
+    how = [
+        "--slots",
+        "4",
+        "--shutter",
+        "balanced",
+        "--buckets",
+        "2",
+        "--period",
+        "16",
+        "--read-noise",
+        "0.001",
+        "--no-figures",
+    ]
     main(["simulate", camera, scene, "--crop", "64x80", *how, "--out", "sim.nc"])
     devices = ["--device", "dli4120", "--device", "coded-exposure-two-bucket", "--macro-pixel", "4"]
     main(["export", "sim.nc", *devices, "--no-figures", "--out", "shown"])

@@ -175,6 +175,7 @@ def test_impossible_wishes(options, where):
     assert caught.value.where == where
 
 
+@pytest.mark.slow
 def test_the_disparity_of_the_centre_view_is_the_same_however_many_views_there_are(scenes):
     one = rendered_light_field("coffee", views=1, size=(64, 72)).disparity
     np.testing.assert_array_equal(one, rendered_light_field("coffee", views=3, size=(64, 72)).disparity)

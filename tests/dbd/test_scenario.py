@@ -87,7 +87,8 @@ def test_a_scenario_draws_nothing_and_a_seed_makes_its_scene():
     np.testing.assert_array_equal(drawn.truth[0].points, other.truth[0].points)
 
 
-@pytest.mark.parametrize("snr_db", [40.0, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("snr_db", [40.0, None])
 def test_what_the_model_leaves_out_gives_no_targets(snr_db):
     """The turn of the phase within an interval, 2 % of the samples, is far above the noise."""
     scene = replace(read_scenario("road"), snr_db=snr_db).draw()

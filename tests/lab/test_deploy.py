@@ -245,6 +245,7 @@ def test_a_trusted_file_computes_the_same_and_a_broken_one_is_refused(exported, 
         load_exported(tmp_path / "decoder.pt2", trust=True)
 
 
+@pytest.mark.slow
 def test_a_closed_pixel_of_a_large_camera_marks_its_codes():
     code = torch.rand(3, 2000, 2300, generator=torch.Generator().manual_seed(0))
     whole, blind = (Taps(values, (0, 1, 2), (0, 2, 4), 3, 2304) for values in (code, code.clone()))

@@ -101,7 +101,8 @@ def test_a_faultless_bench_keeps_its_units_noise_and_electrons(tmp_path, full_we
     assert found.camera.noise.read == pytest.approx(seen.camera.noise.read, rel=5e-3)
 
 
-@pytest.mark.parametrize("known", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("known", [True, False])
 def test_leaks_are_shared_out_whenever_the_mask_is_registered(tmp_path, known):
     camera, hardware, bench = spectral(), Hardware(contrast_ratio=40, leakage=0.02), tmp_path / "bench"
     export = exported(tmp_path, camera, "dli4120", SHUTTERS[0])

@@ -219,6 +219,7 @@ def test_points_are_cut_out_with_unit_energy_and_their_noise():
     assert stack.noise.mean() == pytest.approx(own, rel=0.15)
 
 
+@pytest.mark.slow
 def test_points_that_are_not_there_are_refused():
     frames = points(mirror(0, 0.05e-6))
     with pytest.raises(DataError, match="no point"):

@@ -131,6 +131,7 @@ def test_noise_alone_refuses_no_fit(snr_db):
             register(frames, other, start=truth)
 
 
+@pytest.mark.slow
 def test_the_standard_deviation_is_that_of_many_captures():
     codes, sensor = (24, 25), (26, 27)
     patterns, truth = calibration_patterns(codes), affine((24, 25), (26, 27), turn=0.3, shift=(0.2, 0.1))
