@@ -179,3 +179,19 @@ def test_impossible_wishes(options, where):
 def test_the_disparity_of_the_centre_view_is_the_same_however_many_views_there_are(scenes):
     one = rendered_light_field("coffee", views=1, size=(64, 72)).disparity
     np.testing.assert_array_equal(one, rendered_light_field("coffee", views=3, size=(64, 72)).disparity)
+
+
+@pytest.mark.parametrize("waves", [None, np.array([[0.3, 0.05, 0.02, 1.0]])])
+def test_points_far_from_a_surface_need_not_be_looked_at(waves, monkeypatch):
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    tilted = Outline(square(10, 12, 9).samples, turn, (2.0, -7.0))
+    near = Relief(2.0, (0.01, -0.02), waves, (15.0, 20.0))
+    scene = [Surface(Relief(-1.0, (0.005, 0.0)), texture(1)), Surface(near, texture(2), tilted)]
+    steps = [(0, 0), (1, -2), (-2, 2)]
+    few = [render_view(scene, v, u, (37, 42), 3) for v, u in steps]
+    assert all((disparity > 0).any() for _, disparity in few)
+    monkeypatch.setattr(Surface, "near", lambda self, v, u, y, x: np.arange(y.size))
+    for (view, disparity), (v, u) in zip(few, steps, strict=True):
+        every = render_view(scene, v, u, (37, 42), 3)
+        np.testing.assert_array_equal(view, every[0])
+        np.testing.assert_array_equal(disparity, every[1])

@@ -12,6 +12,8 @@ Fields = tuple[Array, Array]
 
 _STEPS = 4
 """Of the iteration for waves: each leaves a share ``(|v|+|u|)·slope of the waves`` of the error."""
+_MARGIN = 1.0
+"""Pixels around where a surface can be seen, more than the iteration errs."""
 STEEPEST = 0.04
 """Largest change of disparity per px over a surface; by waves at most half of it."""
 
@@ -53,6 +55,12 @@ class Relief:
         for _ in range(0 if self.waves is None else _STEPS):
             disparity = disparity - (disparity - self(y + v * disparity, x + u * disparity)) / share
         return y + v * disparity, x + u * disparity
+
+    def between(self, corners: Array) -> tuple[float, float]:
+        """Least and largest disparity among centre-view positions whose convex hull has these ``(2, N)`` corners."""
+        waves = 0.0 if self.waves is None else float(np.abs(self.waves[:, 0]).sum())
+        plane = Relief(self.level, self.slope, middle=self.middle)(*corners)
+        return float(plane.min()) - waves, float(plane.max()) + waves
 
 
 @dataclass(frozen=True)
@@ -97,6 +105,13 @@ class Outline(Laid):
         covered[covered] = map_coordinates(self.samples, at[:, covered], order=1) > 0
         return np.asarray(covered)
 
+    @property
+    def corners(self) -> Array:
+        """``(2, 4)`` centre-view positions between which all of it lies."""
+        bottom, right = (n - 1 for n in self.samples.shape)
+        at = np.array([[0.0, 0.0, bottom, bottom], [0.0, right, 0.0, right]])
+        return np.linalg.solve(self.turn, at - np.array(self.origin)[:, None])
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -105,6 +120,19 @@ class Surface:
     relief: Relief
     texture: Texture
     outline: Outline | None = None
+
+    def near(self, v: float, u: float, y: Array, x: Array) -> NDArray[np.intp]:
+        """Indices of points (y, x) of view (v, u), those among them where it can be seen: all others need not be
+        looked at."""
+        if self.outline is None:
+            return np.arange(y.size)
+        corners = self.outline.corners
+        disparities = np.array(self.relief.between(corners))
+        inside = np.ones(y.size, dtype=bool)
+        for step, places, of in ((v, y, corners[0]), (u, x, corners[1])):
+            away = step * disparities
+            inside &= (places >= of.min() - away.max() - _MARGIN) & (places <= of.max() - away.min() + _MARGIN)
+        return np.flatnonzero(inside)
 
 
 def render_view(
@@ -144,12 +172,14 @@ def _nearest(surfaces: list[Surface], v: float, u: float, y: Array, x: Array) ->
     at, owner = np.empty((2, y.size)), np.zeros(y.size, dtype=np.intp)
     disparity = np.full(y.size, -np.inf)
     for number, surface in enumerate(surfaces):
-        place = np.stack(surface.relief.seen_from(v, u, y, x))
+        near = surface.near(v, u, y, x)
+        place = np.stack(surface.relief.seen_from(v, u, y[near], x[near]))
         depth = surface.relief(place[0], place[1])
-        hit = depth > disparity
+        hit = depth > disparity[near]
         if surface.outline is not None:
             hit[hit] = surface.outline(place[0, hit], place[1, hit])
-        at[:, hit], owner[hit], disparity[hit] = place[:, hit], number, depth[hit]
+        points = near[hit]
+        at[:, points], owner[points], disparity[points] = place[:, hit], number, depth[hit]
     return at, owner, disparity
 
 
