@@ -1,6 +1,7 @@
 """Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import yaml
 from tests.cli.refusals import refused
 from tmca.applications import application_of
 from tmca.cli import main
+from tmca.cli.study import _described
 from tmca.data import read_dataset, write_dataset
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
@@ -17,6 +19,7 @@ from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
+from tmca.lab.decoder_files import decoders_named
 
 DECODERS = """
 import torch
@@ -83,8 +86,11 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
     found = json.loads((here / "mug-study" / "mug.json").read_text())
     assert [row["decoder"] for row in found["rows"]] == ["Scaled"]
     reasons = {name.split(" · ")[3]: reason for name, reason in found["failed"].items()}
-    assert "shape (1, 1, 20, 27) from Narrow" in reasons["Narrow"]
-    assert "NaN" in reasons["Unfinished"]
+    mine = here / "mine.py"
+    assert reasons["Raises"].startswith(f"decoder: found Raises of {mine}, which fails with RuntimeError: no weights")
+    assert reasons["Raises"].count("Raises") == 1
+    assert f"shape (1, 1, 20, 27) from Narrow of {mine}" in reasons["Narrow"]
+    assert f"an estimate of Unfinished of {mine} with NaN or infinite values: 1920 of 1920" in reasons["Unfinished"]
     assert "no weights at hand" in (here / "mug-study" / "mug.html").read_text()
 
 
@@ -100,6 +106,34 @@ def test_code_in_a_file_runs_only_where_the_command_line_names_it_too(here, caps
     main(["study", "theirs.yaml", "--decoders", "ran.py:Ran", "--json"])
     assert {row["decoder"] for row in json.loads(capsys.readouterr().out)["rows"]} == {"dagger", "Ran"}
     assert (here / "ran.txt").exists()
+
+
+def test_the_remedy_of_code_in_a_file_works_when_it_is_pasted(here, capsys):
+    described = {"camera": "spectral", "scenes": {"test": ["mug.nc"]}, "reading": {"bands": 4, "size": [20, 24]},
+                 "codes": {"a": {"camera": {"slots": 1, "shutter": "open"}}}, "noises": {"none": {}},
+                 "decoders": ["mine.py:Scaled", "it's/mine.py:Scaled", "half.pt2"],
+                 "options": {"mine.py:Scaled": {}}}  # fmt: skip
+    (here / "it's").mkdir()
+    (here / "it's" / "mine.py").write_text(DECODERS)
+    (here / "theirs.yaml").write_text(yaml.safe_dump(described))
+    said = refused(capsys, "study", "theirs.yaml")
+    assert "half.pt2, which are code" in said
+    pasted = shlex.split(said.partition("; pass ")[2].partition(" if you trust them")[0])
+    assert pasted == ["--decoders", "mine.py:Scaled,it's/mine.py:Scaled,half.pt2"]
+    asked = _described("theirs.yaml", "./mine.py:Scaled,it's/mine.py:Scaled", None, {})
+    assert asked.decoders[1:] == ("it's-mine-Scaled", "half.pt2")
+    assert asked.decoders[0] in asked.options
+
+
+def test_classes_of_one_name_from_two_files_have_names_of_their_own(here, capsys):
+    (here / "twice.py").write_text(DECODERS.replace("0.1", "0.2"))
+    named = "mine.py:Scaled,twice.py:Scaled"
+    main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named, "--json"])
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["decoder"] for row in rows] == ["mine-Scaled", "twice-Scaled"]
+    assert rows[0]["psnr"] != rows[1]["psnr"]
+    assert decoders_named("twice.py:Scaled") == ["Scaled"]
+    assert "each decoder once" in refused(capsys, "study", "mug.nc", "--decoders", "mine.py:Scaled,./mine.py:Scaled")
 
 
 def test_codes_of_a_snapshot_are_those_it_was_taken_with(here, capsys):

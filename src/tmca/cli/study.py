@@ -113,14 +113,19 @@ def _described(file: str, decoders: str | None, seeds: int | None, given: dict[s
     """The study of a YAML file, with decoders and seeds of the command line; code that the file alone names is
     refused."""
     from tmca.evaluation.study import read_study
-    from tmca.lab.decoder_files import decoder_named
+    from tmca.lab.decoder_files import names_of, place_of
 
     beside = [name for name, value in given.items() if value is not None]
     if beside:
         remedy = "write it into the file, or leave the file out"
         raise SettingError(beside[0], f"one beside {file}", "what the file says", remedy)
+    typed = names_of([text.strip() for text in (decoders or "").split(",") if text.strip()])
+    by_place = {place_of(text): name for text, name in typed.items()}
     asked = read_study(file)
-    named = [text.strip() for text in (decoders or "").split(",") if text.strip()]
-    loaded = {text: decoder_named(text, "decoders") for text in named}
-    names = [loaded.get(name, name) for name in asked.decoders]
-    return asked.with_(decoders=[*dict.fromkeys([*names, *loaded.values()])], seeds=seeds)
+    names = {name: by_place.get(place_of(name), name) for name in (*asked.decoders, *asked.options)}
+    return asked.with_(
+        decoders=[*dict.fromkeys([*(names[name] for name in asked.decoders), *typed.values()])],
+        options={names[name]: settings for name, settings in asked.options.items()},
+        shown=None if asked.shown is None else [(code, names.get(name, name)) for code, name in asked.shown],
+        seeds=seeds,
+    )

@@ -195,12 +195,12 @@ def _run(
 ) -> None:  # fmt: skip
     """Sweep, and print the page."""
     from tmca.evaluation.sweep import Sweep, run_sweep
-    from tmca.lab.decoder_files import decoder_named
+    from tmca.lab.decoder_files import decoder_named, names_of
 
     axes, settled = named_values(vary, "--vary"), one_value(fixed)
     how["decoder"] = decoder_named(how["decoder"])
     if "decoder" in axes:
-        axes["decoder"] = [decoder_named(name, "--vary decoder") for name in axes["decoder"]]
+        axes["decoder"] = [*names_of(axes["decoder"], "--vary decoder").values()]
     if "decoder" in settled:
         settled["decoder"] = decoder_named(settled["decoder"], "--set decoder")
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())

@@ -6,11 +6,11 @@ import subprocess  # nosec B404
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
-from tmca.plugins import names_a_file
 
 if TYPE_CHECKING:
     from tmca.evaluation.study import Study
@@ -62,11 +62,13 @@ def check_counts(**counts: int) -> None:
 
 def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     """Raises SettingError unless there are decoders, all of them known."""
+    from tmca.lab.decoder_files import is_file
+
     unknown = [name for name in decoders if name not in known]
-    for name in unknown:
-        if names_a_file(name):
-            remedy = f"pass --decoders {name} if you trust it"
-            raise SettingError("decoders", f"{name}, which is code", "code that the command line names", remedy)
+    if files := [name for name in unknown if is_file(name)]:
+        remedy = f"pass --decoders {quote(','.join(files))} if you trust {'it' if len(files) == 1 else 'them'}"
+        found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
+        raise SettingError("decoders", found, "code that the command line names", remedy)
     if unknown or not decoders:
         raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
 
