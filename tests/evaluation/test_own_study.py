@@ -1,5 +1,6 @@
 """Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures."""
 
+import csv
 import json
 import shlex
 
@@ -15,8 +16,10 @@ from tmca.cli.study import _described
 from tmca.data import read_dataset, write_dataset
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
+from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.own import _code_names, own_study, read_sensors
+from tmca.evaluation.page import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 from tmca.lab.decoder_files import decoders_named
@@ -36,6 +39,12 @@ class Raises(Decoder):
 class Narrow(Decoder):
     def reconstruct(self, prepared, values, progress):
         return values
+
+class Picky(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        if values.mean() > 1:
+            raise RuntimeError("too bright")
+        return 0.1 * prepared.A_adjoint(values)
 
 class Unfinished(Decoder):
     def reconstruct(self, prepared, values, progress):
@@ -92,6 +101,32 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
     assert f"shape (1, 1, 20, 27) from Narrow of {mine}" in reasons["Narrow"]
     assert f"an estimate of Unfinished of {mine} with NaN or infinite values: 1920 of 1920" in reasons["Unfinished"]
     assert "no weights at hand" in (here / "mug-study" / "mug.html").read_text()
+
+
+def test_a_row_that_lacks_scenes_says_so_everywhere(here, capsys):
+    scene = read_dataset("mug.nc", ())
+    write_dataset(scene.assign(radiance=0 * scene["radiance"] + 0.9), here / "white.nc")
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "white.nc", "--crop", "20x24", "--codes", "cassi", "--seeds", "2",
+              "--decoders", "mine.py:Scaled,mine.py:Picky"])  # fmt: skip
+    told = capsys.readouterr().out
+    assert "| cassi | Picky | 1 of 2 scenes |" in told
+    assert "| cassi | Scaled |  |" in told
+    results = here / "mug-study"
+    table = {row["decoder"]: row for row in csv.DictReader((results / "mug.csv").open())}
+    assert (table["Picky"]["measured"], table["Scaled"]["measured"]) == ("1 of 2 scenes", "")
+    assert "1 of 2 scenes" in (results / "mug.html").read_text()
+    assert "PSNR (dB) white" in (results / "mug.md").read_text()
+    found = StudyResults(json.loads((results / "mug.json").read_text()), ("psnr", "PSNR (dB)", ".2f"))
+    assert any("1 of 2 scenes" in label.get_text() for label in found.plot().axes[0].get_yticklabels())
+
+
+def test_rows_are_compared_on_the_scenes_that_both_have():
+    study = own_study(["coffee"], codes=["cassi"], decoders=["dagger"], crop=(20, 24))
+    one = {"scenes": {"a": {"psnr": 30.0}, "b": {"psnr": 10.0}}, "seed_psnr": [20.0]}
+    other = {"scenes": {"a": {"psnr": 28.0}}, "seed_psnr": [28.0], "measured": "1 of 2 scenes"}
+    gained = over(one, other, ["a", "b"], study)
+    assert (gained["gain"], gained["seeds"], gained["scenes"]) == (2.0, "", "a +2.00")
 
 
 def test_code_in_a_file_runs_only_where_the_command_line_names_it_too(here, capsys):

@@ -19,7 +19,15 @@ from tmca.evaluation.page import markdown, picture_names, results, write_picture
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
-from tmca.evaluation.tables import Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.evaluation.tables import (
+    Split,
+    check_counts,
+    check_decoders,
+    check_new,
+    check_weights,
+    plain_columns,
+    write_table,
+)
 from tmca.lab.decoder_files import loaded
 from tmca.progress import Asked, counting
 
@@ -83,10 +91,9 @@ def run_study(
         if not any("metrics" in cell for cell in measured):
             grid.check()
         split: Split = {"train": train, "test": test, "names": names, "validation": validation}
-        found = results(study, measured, split, command) | {"failed": grid.reasons()}
+        found = results(study, measured, split, command, plan.places) | {"failed": grid.reasons()}
         rows = found["rows"]
-        columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
-        write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
+        write_table(found, markdown(found), rows, plain_columns(rows), out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
         merit = study.evaluation.metric
         found = StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))

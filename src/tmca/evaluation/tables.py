@@ -13,6 +13,7 @@ from tmca.errors import OutputError, SettingError
 from tmca.evaluation.grid import Measured
 
 if TYPE_CHECKING:
+    from tmca.evaluation.camera import Place
     from tmca.evaluation.study import Study
 
 Row = dict[str, Any]
@@ -136,13 +137,20 @@ def training_rows(measured: Iterable[Measured]) -> list[Row]:
     ]  # fmt: skip
 
 
-def rows_of(study: Study, cells: Iterable[Measured], trainings: Sequence[Row]) -> list[Row]:
+MEASURED: Column = ("measured", "measured", "")
+"""Of a row that lacks cells: of which scenes, or of how many cells, it is the mean."""
+
+
+def rows_of(
+    study: Study, cells: Iterable[Measured], trainings: Sequence[Row], places: Sequence[Place] = ()
+) -> list[Row]:
     """A row for every code, noise and decoder: means over scenes of the means over seeds.
 
     Args:
         study: what was compared.
         cells: measurements.
         trainings: of ``training_rows``.
+        places: where is measured; rows that lack some of them say in ``measured`` what they have.
     """
     metric = study.evaluation.metric
     rows = []
@@ -155,9 +163,26 @@ def rows_of(study: Study, cells: Iterable[Measured], trainings: Sequence[Row]) -
             f"seed_{metric}": [mean([cell["metrics"][metric] for cell in part]) for _, part in seeds],
             **means({name: cell[name] for name in ("throughput", "seconds")} for cell in own),
             "training_cpu_minutes": _training_minutes(study, code, decoder, trainings),
-            **study.evaluation.row(own),
+            **study.evaluation.row(own), **_lacking(study, own, places),
         })  # fmt: skip
     return rows
+
+
+def _lacking(study: Study, own: Sequence[Measured], places: Sequence[Place]) -> Row:
+    """What the cells of a row are of all that it should have; nothing of a row that has all."""
+    code, decoder = own[0]["code"], own[0]["decoder"]
+    learns = decoder in study.networks or study.codes[code].learn is not None
+    seeds = len(study.all_seeds if learns else study.seeds_of(decoder))
+    scenes = {place.scene for place in places if place.takes(study.prior_kind(decoder))}
+    there, wanted = {cell["scene"] for cell in own}, len(scenes) * seeds
+    said = [f"{len(there)} of {len(scenes)} scenes"] if scenes - there else []
+    said += [f"{len(own)} of {wanted} cells"] if len(own) < len(there) * seeds and places else []
+    return {MEASURED[0]: ", ".join(said)} if said else {}
+
+
+def plain_columns(rows: Iterable[Row]) -> list[str]:
+    """Names of all that rows have that is a number or a word."""
+    return list(dict.fromkeys(n for row in rows for n, value in row.items() if isinstance(value, str | int | float)))
 
 
 def _training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:

@@ -95,22 +95,24 @@ class Panels:
         truth: pictures of the truth; none where it is not known.
         scales: of the maps, by their names.
         curves: below all.
+        names: (name of the column, name of the row) of all places, in their order; those of the estimates without.
     """
 
     estimates: Mapping[tuple[str, str], Sequence[Picture]]
     truth: Sequence[Picture] = ()
     scales: Mapping[str, Scale] = field(default_factory=dict)
     curves: Sequence[Curves] = ()
+    names: Sequence[tuple[str, str]] = ()
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns."""
-        return list(dict.fromkeys(column for column, _ in self.estimates))
+        return list(dict.fromkeys(column for column, _ in self.names or self.estimates))
 
     @property
     def rows(self) -> list[str]:
         """Names of the rows."""
-        return list(dict.fromkeys(row for _, row in self.estimates))
+        return list(dict.fromkeys(row for _, row in self.names or self.estimates))
 
 
 def paper_figure(panels: Panels) -> Figure:
