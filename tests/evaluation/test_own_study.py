@@ -101,6 +101,14 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
     assert f"shape (1, 1, 20, 27) from Narrow of {mine}" in reasons["Narrow"]
     assert f"an estimate of Unfinished of {mine} with NaN or infinite values: 1920 of 1920" in reasons["Unfinished"]
     assert "no weights at hand" in (here / "mug-study" / "mug.html").read_text()
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "mine.py:Scaled"])
+    assert "results of another study (other decoders" in capsys.readouterr().err
+    mended = DECODERS.replace('raise RuntimeError("no weights at hand")', "return 0.1 * prepared.A_adjoint(values)")
+    (here / "mine.py").write_text(mended)
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named])
+    assert "2 of 4 cells failed (mug · cassi · noise-free · Narrow" in capsys.readouterr().err
 
 
 def test_a_row_that_lacks_scenes_says_so_everywhere(here, capsys):

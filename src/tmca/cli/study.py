@@ -39,7 +39,7 @@ def study(
 
     `tmca study my.mat --sensor sensor.yaml --codes cassi,one-hot,designed --decoders lmmse,mixture`; or `tmca study
     FILE.yaml`, which describes any comparison (docs/studies.md). Writes NAME.csv, NAME.md, NAME.json, NAME.pdf,
-    NAME.png and NAME.html for the first scene's NAME. Finished cells stay in --work: a run that was stopped resumes.
+    NAME.png and NAME.html for the first scene's NAME. The same command again computes only what is missing.
 
     Args:
         scenes: files, folders or names of rendered scenes that are measured; or one YAML file.

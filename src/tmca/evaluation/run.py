@@ -23,7 +23,7 @@ from tmca.evaluation.tables import (
     Split,
     check_counts,
     check_decoders,
-    check_new,
+    check_resumed,
     check_weights,
     plain_columns,
     write_table,
@@ -53,7 +53,7 @@ def run_study(
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
-        overwrite: replace results.
+        overwrite: replace results of another study; those of this one are replaced without it.
         progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.
         command: how the run was called, written into the results.
@@ -63,7 +63,7 @@ def run_study(
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
-        OutputError: the results exist, or another process works in ``work``.
+        OutputError: there are results of another study, or another process works in ``work``.
         DataError: a scene that is missing, altered or of no use.
         CellsFailed: some cells failed; the table of the others is written.
     """
@@ -80,7 +80,8 @@ def run_study(
     names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
     files += [*picture_names(study, names.values()), *paper_files(study, [*names.values()])]
-    check_new([out / name for name in files], overwrite)
+    described = study.model_dump(mode="json")
+    overwrite = check_resumed([out / name for name in files], overwrite, "study", described)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     with held_folder(work), counting(progress, f"study {study.name}") as report:

@@ -9,7 +9,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, TypedDict
 
-from tmca.errors import OutputError, SettingError
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.evaluation.grid import Measured
 
 if TYPE_CHECKING:
@@ -52,6 +52,41 @@ def check_new(files: Iterable[Path], overwrite: bool) -> None:
     for file in files:
         if file.exists() and not overwrite:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
+
+
+def check_resumed(files: Sequence[Path], overwrite: bool, entry: str, described: Mapping[str, Any]) -> bool:
+    """Whether earlier results are replaced: where that is asked for, and where they are of the same description.
+
+    Args:
+        files: of the results, the JSON file first.
+        overwrite: whether it is asked for.
+        entry: of the JSON file that holds the description: ``"study"``.
+        described: what is to be computed, in JSON's own types.
+
+    Raises:
+        OutputError: results of something else.
+    """
+    there = [file for file in files if file.exists()]
+    if overwrite or not there:
+        return overwrite
+    before = _described_in(files[0], entry)
+    changed = [name for name, value in described.items() if name in before and before[name] != value]
+    if before and not changed:
+        return True
+    found = f"results of another {entry}" + (f" (other {', '.join(changed)})" if changed else "")
+    remedy = "pass --overwrite to replace them, or another --out; finished cells are used again"
+    raise OutputError(there[0], found, f"none, or those of this {entry}", remedy)
+
+
+def _described_in(file: Path, entry: str) -> dict[str, Any]:
+    """What earlier results are of; nothing where it cannot be read."""
+    from tmca.attributes import NamedJson, read_json
+
+    try:
+        stored = read_json(file, NamedJson).get(entry) if file.exists() else None
+    except DataError:
+        return {}
+    return stored if isinstance(stored, dict) else {}
 
 
 def check_counts(**counts: int) -> None:
