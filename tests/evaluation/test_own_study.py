@@ -6,14 +6,12 @@ import shlex
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 
 from tests.cli.refusals import refused
-from tmca.applications import application_of
 from tmca.cli import main
 from tmca.cli.study import _described
-from tmca.data import read_dataset, write_dataset
+from tmca.data import label, label_light_field, read_dataset, write_dataset, write_light_field
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
 from tmca.evaluation import StudyResults
@@ -259,8 +257,54 @@ def test_a_sensor_file_without_an_entry_is_one_line(here):
         read_sensors("empty.yaml")
 
 
-def test_what_is_no_spectral_scene_is_one_line(monkeypatch):
-    views = xr.DataArray(np.ones((3, 3, 3, 20, 24)), dims=("v", "u", "channel", "y", "x"))
-    monkeypatch.setattr(type(application_of("spectral")), "read", lambda self, source, **how: views)
-    with pytest.raises(DataError, match=r"field.nc: found a scene of v, u, channel, y, x, expected a spectral scene"):
+def test_what_is_no_spectral_scene_is_one_line(here):
+    write_light_field(label_light_field(np.ones((3, 3, 20, 24), np.float32)), "field.nc")
+    with pytest.raises(DataError, match=r"field.nc: found a scene of view_v, view_u, y, x, expected a spectral scene"):
         own_study(["field.nc"], camera="spectral")
+
+
+def other_bands(file, first, last, count):
+    """The mug with bands of other wavelengths, nm."""
+    values = np.random.default_rng(0).random((count, 26, 34), np.float32)
+    cube = label(values, np.linspace(first, last, count) * 1e-9)
+    write_dataset(cube.to_dataset(name="radiance"), file)
+
+
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
+def test_cubes_beyond_the_visible_are_measured_over_the_range_that_all_cover(here, capsys):
+    other_bands("nir.nc", 700, 1000, 7)
+    other_bands("far.nc", 800, 1100, 7)
+    asked = ("study", "nir.nc", "far.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger", "--json")
+    main([*asked])
+    told, said = capsys.readouterr()
+    assert "bands from 800 to 1000 nm, which all scenes cover; --range FIRST:LAST" in said
+    reading = json.loads(told)["study"]["reading"]
+    assert (reading["bands"], reading["range"]) == (5, pytest.approx([8e-7, 1e-6]))
+    assert "Bands from 800 to 1000 nm." in (here / "nir-study" / "nir.html").read_text()
+    said = refused(capsys, *asked, "--range", "600:900", "--bands", "3", "--out", "x")
+    assert "nir.nc: found bands from 700 to 1000 nm, expected bands that cover 600 to 900 nm" in said
+    assert "found bands from 400 to 700 nm, expected some beyond the 800 nm" in refused(
+        capsys, "study", "mug.nc", "far.nc", "--out", "x")  # fmt: skip
+
+
+@pytest.mark.parametrize("given", ["400:1000", [400, 1000], [4e-7, 1e-6]])
+def test_a_range_is_asked_for_in_nanometres(here, given):
+    other_bands("wide.nc", 400, 1000, 13)
+    study = own_study(["wide.nc"], codes=["cassi"], reading={"range": given})
+    assert study.reading["range"] == pytest.approx([4e-7, 1e-6])
+    assert study.reading["bands"] == 12
+    assert study.decoders == ("admm-tv",)
+    assert study.evaluation.load("wide.nc", study.reading)["wavelength_nm"].values[[0, -1]].tolist() == [400, 1000]
+    assert own_study(["wide.nc"]).reading["range"] is None  # it covers the visible
+    with pytest.raises(SettingError, match=r"decoders: found lmmse, expected none that learn from the rendered"):
+        own_study(["wide.nc"], reading={"range": given}, decoders=["lmmse"])
+    with pytest.raises(SettingError, match=r"codes: found designed"):
+        own_study(["wide.nc"], reading={"range": given}, codes=["designed"])
+
+
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
+def test_a_snapshot_of_such_a_cube_takes_the_range_that_it_covers(here, capsys):
+    other_bands("nir.nc", 700, 1000, 7)
+    main(["simulate", "spectral", "nir.nc", "--bands", "4", "--slots", "2", "--no-figures", "--out", "s.nc"])
+    assert "bands from 700 to 1000 nm, which nir.nc covers" in capsys.readouterr().err
+    assert (read_dataset("s.nc", ())["wavelength"].values * 1e9).tolist() == pytest.approx([700, 800, 900, 1000])

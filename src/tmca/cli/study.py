@@ -29,6 +29,7 @@ def study(
     camera: str | None = None,
     crop: str | None = None,
     bands: MaybeWhole = None,
+    range: str | None = None,
     seeds: MaybeWhole = None,
     reading: Annotated[list[str] | None, Parameter(name="--reading")] = None,
     out: Path | None = None,
@@ -51,7 +52,9 @@ def study(
             decoder export`. Beside a YAML file: more of them. [default: that of tmca reconstruct]
         camera: spectral, light-field, spectral-depth, or one of another package; what the scenes are for without it.
         crop: HEIGHTxWIDTH, the middle of every scene.
-        bands: of a spectral camera, nearest to even spacing from 400 to 700 nm. [default: 12, or all of fewer]
+        bands: of a spectral camera, nearest to even spacing over the range. [default: 12, or all of fewer]
+        range: FIRST:LAST in nm that bands are taken from, such as 400:1000. [default: 400:700 where all scenes cover
+            it, else what all cover]
         seeds: how many draws of codes and noise. [default: 1]
         reading: NAME=VALUE, further entries of the study's reading (docs/studies.md); may be given several times.
         out: folder of the results. [default: NAME-study; results for a YAML file]
@@ -62,7 +65,8 @@ def study(
     from tmca.evaluation.run import run_study
 
     described = len(scenes) == 1 and Path(scenes[0]).suffix in _YAML
-    given = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands, "reading": reading}
+    given = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands, "range": range}
+    given["reading"] = reading
     if described:
         asked = _described(scenes[0], decoders, seeds, given)
         out, work = out or Path("results"), work or Path("runs") / f"study-{asked.name}"
@@ -97,6 +101,7 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     from tmca.evaluation.own import own_study
     from tmca.evaluation.tables import check_counts
     from tmca.lab.decoder_files import decoders_named
+    from tmca.specs.base import range_of_nm
     from tmca.yaml_files import parsed_yaml
 
     if not scenes:
@@ -105,7 +110,7 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     codes = [part.strip() for part in (given["codes"] or "").split(",") if part.strip()]
     how = {"sensor": given["sensor"], "camera": given["camera"], "bands": given["bands"], "codes": codes}
     how |= {"reading": {name: parsed_yaml(text) for name, text in one_value(given["reading"]).items()}}
-    how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1}
+    how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1, "range": range_of_nm(given["range"])}
     return own_study(scenes, decoders=decoders_named(decoders or "", "decoders"), **how)
 
 

@@ -96,9 +96,11 @@ def _about(study: Study, found: Row) -> list[str]:
     learned = ", ".join(found["split"]["train"]) or "the rendered scenes that come with tmca"
     noises = "; ".join(f"{name} ({_said(values)})" for name, values in study.noises.items())
     seeds = f"{study.seeds} seeds" if study.seeds > 1 else "one seed"
+    span = study.reading.get("range")
+    bands = f" Bands from {span[0] * 1e9:g} to {span[1] * 1e9:g} nm." if span else ""
     return [
         f"{len(study.codes)} codes and {len(study.decoders)} decoders of a {study.camera} camera on "
-        f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.",
+        f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",
         f"Sensor: {noises}. Priors learn from {learned}, never from a measured scene.",
     ]
 
