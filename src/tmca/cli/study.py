@@ -109,7 +109,11 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     check_counts(seeds=1 if seeds is None else seeds)
     codes = [part.strip() for part in (given["codes"] or "").split(",") if part.strip()]
     how = {"sensor": given["sensor"], "camera": given["camera"], "bands": given["bands"], "codes": codes}
-    how |= {"reading": {name: parsed_yaml(text) for name, text in one_value(given["reading"]).items()}}
+    how |= {
+        "reading": {
+            name: parsed_yaml(text) for name, text in one_value(given["reading"], "--reading", "views=3").items()
+        }
+    }
     how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1, "range": range_of_nm(given["range"])}
     return own_study(scenes, decoders=decoders_named(decoders or "", "decoders"), **how)
 

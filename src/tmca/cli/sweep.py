@@ -207,9 +207,21 @@ def _run(
     say(found, grid.json, out.with_suffix(".md").read_text(), markdown=grid.markdown)
 
 
-def one_value(texts: Sequence[str] | None) -> dict[str, str]:
-    """Name → value of NAME=VALUE texts of ``--set``; errors as of `named_values`."""
-    return {name: values[0] for name, values in named_values(texts or (), "--set").items()}
+def one_value(texts: Sequence[str] | None, option: str = "--set", example: str = "slots=4") -> dict[str, str]:
+    """Name → value of the NAME=VALUE texts of an option.
+
+    Raises:
+        SettingError: a text of another form, or a name twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value:
+            raise SettingError(option, repr(text), f"NAME=VALUE, such as {example}")
+        if name in found:
+            raise SettingError(option, f"{name} twice", "one value of each name", "leave one out")
+        found[name] = value
+    return found
 
 
 def named_values(texts: Sequence[str], option: str) -> dict[str, list[str]]:

@@ -73,10 +73,10 @@ def run_study(
         check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
     train, test, validation = (list(named_scenes(scenes)) for scenes in vars(study.scenes).values())
     if not test:
-        raise SettingError("--test", "no scenes", "scenes or split files")
+        raise SettingError("test", "no scenes", "scenes or split files")
     always = study.evaluation.always_measured() if study.page else []
     for name in sorted({*test} & {*always}):
-        raise SettingError("--test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
+        raise SettingError("test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
     names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
     files += [*picture_names(study, names.values()), *paper_files(study, [*names.values()])]

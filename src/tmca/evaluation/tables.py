@@ -106,7 +106,7 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
         found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
         raise SettingError("decoders", found, "code that the command line names", remedy)
     if unknown or not decoders:
-        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
+        raise SettingError("decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
 
 
 def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None:
