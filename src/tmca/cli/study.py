@@ -65,8 +65,8 @@ def study(
     from tmca.evaluation.run import run_study
 
     described = len(scenes) == 1 and Path(scenes[0]).suffix in _YAML
-    given = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands, "range": range}
-    given["reading"] = reading
+    given: dict[str, Any] = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands}
+    given |= {"range": range, "reading": reading}
     if described:
         asked = _described(scenes[0], decoders, seeds, given)
         out, work = out or Path("results"), work or Path("runs") / f"study-{asked.name}"
