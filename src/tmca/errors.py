@@ -18,6 +18,7 @@ __all__ = [
     "check_range",
     "check_shape",
     "did_you_mean",
+    "one_line",
 ]
 _LONGEST, _END = 250, 50
 """Characters of what is shown of what was met, which may come from a file, and of its end."""
@@ -40,8 +41,7 @@ class TmcaError(Exception):
     """
 
     def __init__(self, where: object, found: str, expected: str = "", remedy: str = "") -> None:
-        if len(found) > _LONGEST:  # too long to be read
-            found = f"{found[: _LONGEST - _END]} … {found[-_END:]}"
+        found = _shortened(found)
         self.where, self.found, self.expected, self.remedy = str(where), found, expected, remedy
         text = f"{where}: found {self.found}"
         if expected:
@@ -53,6 +53,18 @@ class TmcaError(Exception):
     def __reduce__(self) -> tuple[type[TmcaError], tuple[str, str, str, str]]:
         """The parts: that is how it comes out of another process."""
         return type(self), (self.where, self.found, self.expected, self.remedy)
+
+
+def _shortened(text: str) -> str:
+    """A text that is too long to be read without its middle."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - _END]} … {text[-_END:]}"
+
+
+def one_line(error: BaseException) -> str:
+    """What an error says, in one line: ours as it is, others behind the name of their class."""
+    if isinstance(error, TmcaError):
+        return str(error)
+    return _shortened(f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": "))
 
 
 class DataError(TmcaError):

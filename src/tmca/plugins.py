@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 from warnings import warn
 
-from tmca.errors import SettingError, did_you_mean
+from tmca.errors import SettingError, TmcaError, did_you_mean, one_line
 
 Class = type[Any]
 _REFUSED: list[dict[Class, str]] = []
@@ -148,7 +148,7 @@ def _run_file(path: Path, name: str) -> ModuleType:
     except (Exception, SystemExit) as error:
         sys.modules.pop(called)
         sys.modules.update({} if before is None else {called: before})
-        said = f"{type(error).__name__}: {error}{line_in(path, error)}"
+        said = f"{one_line(error)}{line_in(path, error)}"
         raise SettingError(name, f"{path}, which fails with {said}", "a file that runs", "mend it") from error
     _BESIDE[called] = beside
     _FROM_FILES[called] = _digest_of_all([path, *beside]), module
@@ -173,6 +173,34 @@ def _importing_beside(path: Path) -> Iterator[list[Path]]:
         sources = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
         there = {Path(source) for source in sources if source is not None} - {path}
         beside += sorted(source for source in there if path.parent in source.parents)
+
+
+def file_of(cls: Class) -> Path | None:
+    """The file that a class was loaded from with ``FILE.py:Class``; None of any other class."""
+    known = _FROM_FILES.get(cls.__module__)
+    return None if known is None else Path(str(known[1].__file__))
+
+
+@contextmanager
+def failures_of(cls: Class, where: str, name: str, expected: str) -> Iterator[None]:
+    """Within it, what a class of a file raises is one line that says where; what other classes raise stays.
+
+    Args:
+        cls: the class.
+        where: the option or argument that it was given to.
+        name: what the class is called.
+        expected: what it should have brought.
+    """
+    try:
+        yield
+    except TmcaError:
+        raise
+    except Exception as error:
+        path = file_of(cls)
+        if path is None:
+            raise
+        found = f"{name} of {path}, which fails with {one_line(error)}{line_in(path, error)}"
+        raise SettingError(where, found, expected, "mend it") from error
 
 
 def line_in(path: Path, error: BaseException) -> str:

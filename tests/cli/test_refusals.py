@@ -178,6 +178,16 @@ REFUSED = {
         "--vary leakage=2": "leakage",
         "--vary misregistration=1:2:3": "misregistration: found 1:2:3",
     },
+    "study coffee --crop 20x24 --codes cassi --decoders dagger": {
+        "--reading views=5": "--reading views: found an unknown name, expected one of bands, range, size",
+        "--reading bands=many": "--reading bands: found many",
+        "--reading=range=700": "--reading range: found",
+        "--reading views": "--reading: found 'views', expected NAME=VALUE, such as views=3",
+        "--reading size=[20,24] --reading size=3": "--reading: found size twice",
+        "--camera light-field --bands 3": "--bands: found 3, expected none of a light-field camera",
+        "--camera light-field --range 400:500": "--range: found",
+        "--range 700": "--range: found '700', expected FIRST:LAST in nm",
+    },
     "train spectral --out run": {
         "": ("data.train", "--train"),
         "--preset tesis": ("--preset", "thesis, quick"),

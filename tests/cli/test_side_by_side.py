@@ -140,10 +140,10 @@ def test_sweeps_take_decoders_of_files(here, capsys):
 def test_a_decoder_of_a_file_has_a_name_and_is_known_to_other_processes(here):
     assert decoders_named("lmmse, mine.py:Mine") == ["lmmse", "Mine"]
     assert DECODERS["Mine"].label == "Mine"
-    assert loaded(["lmmse", "Mine"]) == (f"{here / 'mine.py'}:Mine",)
+    assert loaded(["lmmse", "Mine"]) == {"Mine": f"{here / 'mine.py'}:Mine"}
     (here / "other.py").write_text(MINE)
     assert decoder_named("other.py:Mine") == "Mine"  # the one that was named last
-    assert loaded(["Mine"]) == (f"{here / 'other.py'}:Mine",)
+    assert loaded(["Mine"]) == {"Mine": f"{here / 'other.py'}:Mine"}
     with pytest.raises(SettingError, match="no file"):
         decoder_named("none.pt2")
 

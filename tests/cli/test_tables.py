@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from tmca.cli import main
 from tmca.cli.options.output import say
 
 TEXT = "# Title\n\n| code | PSNR (dB) |\n| --- | --- |\n| one \\| two | **31.20** |\n| none |  |\n\nlast line"
@@ -30,3 +31,14 @@ def test_a_terminal_shows_tables(capsys, monkeypatch):
     assert head.rstrip().endswith("PSNR (dB)")
     assert row.rstrip().endswith("31.20")
     assert len(head.rstrip()) == len(row.rstrip())  # numbers end where their heading ends
+
+
+def test_commands_that_print_tables_print_them_as_markdown_if_asked(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(["simulate", "spectral", "coffee", "--bands", "4", "--crop", "20x24", "--out", "s.nc", "--no-figures"])
+    for name in ("a", "b"):
+        main(["reconstruct", "s.nc", "-d", "dagger", "--out", f"{name}.nc", "--no-figures"])
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    capsys.readouterr()
+    main(["evaluate", "a.nc", "b.nc", "coffee", "--markdown"])
+    assert "| --- |" in capsys.readouterr().out

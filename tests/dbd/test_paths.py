@@ -36,6 +36,14 @@ def test_targets_and_paths_have_names_units_and_deviations(road):
         assert row["power_db"] == pytest.approx(10 * np.log10(row["gain_real"] ** 2 + row["gain_imag"] ** 2))
 
 
+def test_lines_are_tables_of_markdown_if_asked(road):
+    lines = recovery_lines(road, markdown=True)
+    heads = [place for place, line in enumerate(lines) if "---" in line]
+    assert len(heads) == len(road.sources)
+    assert all(lines[place].count("|") == lines[place - 1].count("|") == lines[place + 1].count("|") for place in heads)
+    assert not any(line.startswith("|") for line in recovery_lines(road))
+
+
 def test_frames_files_and_arrays_say_the_same(road):
     frame, back = road.to_pandas(), pd.read_csv(StringIO(path_csv(road)))
     pd.testing.assert_frame_equal(frame, back, check_dtype=False, rtol=1e-12)

@@ -11,8 +11,8 @@ from typing import ClassVar
 import pytest
 from pydantic import BaseModel, model_serializer
 
-from tmca.errors import SettingError
-from tmca.evaluation.grid import CellsFailed, DamagedCell, cell_key, run_cells
+from tmca.errors import DataError, SettingError
+from tmca.evaluation.grid import CellsFailed, DamagedCell, Grid, cell_key, run_cells
 
 CELLS = [{"name": f"cell {i}", "value": i} for i in range(5)]
 
@@ -49,6 +49,28 @@ def test_failed_cells_are_named_and_the_rest_is_kept(tmp_path):
     run_cells([c for c in CELLS if c["value"] != 3], never, tmp_path)
     run_cells(CELLS, square, tmp_path)
     assert not trouble.exists()
+
+
+def of_no_form(cell):
+    if cell["value"] == 0:
+        raise DataError("bench.nc", "two\nlines", "one", "mend it")
+    if cell["value"] == 1:
+        raise RuntimeError("Error(s) in loading state_dict for Net:\n\tMissing key(s): first.weight\n\tsize mismatch")
+    Power.model_validate(cell)
+    return {}
+
+
+def test_a_failure_of_several_lines_is_said_from_its_first(tmp_path):
+    grid = Grid(of_no_form, tmp_path)
+    grid.run([{"name": "ours", "value": 0}, {"name": "torch", "value": 1}, {"name": "pydantic", "value": "many"}])
+    reasons = grid.reasons()
+    assert reasons["ours"] == "bench.nc: found two lines, expected one; mend it"
+    assert reasons["torch"].startswith("RuntimeError: Error(s) in loading state_dict for Net: Missing key(s): first")
+    assert reasons["pydantic"].startswith("ValidationError: 1 validation error for Power value Input should be a valid")
+    with pytest.raises(
+        CellsFailed, match=r"3 of 3 cells failed \(ours, torch, pydantic\); the first says: bench.nc: found"
+    ):
+        grid.check()
 
 
 class Power(BaseModel):

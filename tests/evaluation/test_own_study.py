@@ -1,22 +1,26 @@
 """Studies of one's own scenes from the command line: what a YAML would say, decoders of files, failures."""
 
+import csv
 import json
+import shlex
 
 import numpy as np
 import pytest
-import xarray as xr
 import yaml
 
 from tests.cli.refusals import refused
-from tmca.applications import application_of
 from tmca.cli import main
-from tmca.data import read_dataset, write_dataset
+from tmca.cli.study import _described
+from tmca.data import label, label_light_field, read_dataset, write_dataset, write_light_field
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
+from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.own import _code_names, own_study, read_sensors
+from tmca.evaluation.page import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
+from tmca.lab.decoder_files import decoders_named
 
 DECODERS = """
 import torch
@@ -33,6 +37,12 @@ class Raises(Decoder):
 class Narrow(Decoder):
     def reconstruct(self, prepared, values, progress):
         return values
+
+class Picky(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        if values.mean() > 1:
+            raise RuntimeError("too bright")
+        return 0.1 * prepared.A_adjoint(values)
 
 class Unfinished(Decoder):
     def reconstruct(self, prepared, values, progress):
@@ -83,9 +93,46 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
     found = json.loads((here / "mug-study" / "mug.json").read_text())
     assert [row["decoder"] for row in found["rows"]] == ["Scaled"]
     reasons = {name.split(" · ")[3]: reason for name, reason in found["failed"].items()}
-    assert "shape (1, 1, 20, 27) from Narrow" in reasons["Narrow"]
-    assert "NaN" in reasons["Unfinished"]
+    mine = here / "mine.py"
+    assert reasons["Raises"].startswith(f"decoder: found Raises of {mine}, which fails with RuntimeError: no weights")
+    assert reasons["Raises"].count("Raises") == 1
+    assert f"shape (1, 1, 20, 27) from Narrow of {mine}" in reasons["Narrow"]
+    assert f"an estimate of Unfinished of {mine} with NaN or infinite values: 1920 of 1920" in reasons["Unfinished"]
     assert "no weights at hand" in (here / "mug-study" / "mug.html").read_text()
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "mine.py:Scaled"])
+    assert "results of another study (other decoders" in capsys.readouterr().err
+    mended = DECODERS.replace('raise RuntimeError("no weights at hand")', "return 0.1 * prepared.A_adjoint(values)")
+    (here / "mine.py").write_text(mended)
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named])
+    assert "2 of 4 cells failed (mug · cassi · noise-free · Narrow" in capsys.readouterr().err
+
+
+def test_a_row_that_lacks_scenes_says_so_everywhere(here, capsys):
+    scene = read_dataset("mug.nc", ())
+    write_dataset(scene.assign(radiance=0 * scene["radiance"] + 0.9), here / "white.nc")
+    with pytest.raises(SystemExit):
+        main(["study", "mug.nc", "white.nc", "--crop", "20x24", "--codes", "cassi", "--seeds", "2",
+              "--decoders", "mine.py:Scaled,mine.py:Picky"])  # fmt: skip
+    told = capsys.readouterr().out
+    assert "| cassi | Picky | 1 of 2 scenes |" in told
+    assert "| cassi | Scaled |  |" in told
+    results = here / "mug-study"
+    table = {row["decoder"]: row for row in csv.DictReader((results / "mug.csv").open())}
+    assert (table["Picky"]["measured"], table["Scaled"]["measured"]) == ("1 of 2 scenes", "")
+    assert "1 of 2 scenes" in (results / "mug.html").read_text()
+    assert "PSNR (dB) white" in (results / "mug.md").read_text()
+    found = StudyResults(json.loads((results / "mug.json").read_text()), ("psnr", "PSNR (dB)", ".2f"))
+    assert any("1 of 2 scenes" in label.get_text() for label in found.plot().axes[0].get_yticklabels())
+
+
+def test_rows_are_compared_on_the_scenes_that_both_have():
+    study = own_study(["coffee"], codes=["cassi"], decoders=["dagger"], crop=(20, 24))
+    one = {"scenes": {"a": {"psnr": 30.0}, "b": {"psnr": 10.0}}, "seed_psnr": [20.0]}
+    other = {"scenes": {"a": {"psnr": 28.0}}, "seed_psnr": [28.0], "measured": "1 of 2 scenes"}
+    gained = over(one, other, ["a", "b"], study)
+    assert (gained["gain"], gained["seeds"], gained["scenes"]) == (2.0, "", "a +2.00")
 
 
 def test_code_in_a_file_runs_only_where_the_command_line_names_it_too(here, capsys):
@@ -100,6 +147,34 @@ def test_code_in_a_file_runs_only_where_the_command_line_names_it_too(here, caps
     main(["study", "theirs.yaml", "--decoders", "ran.py:Ran", "--json"])
     assert {row["decoder"] for row in json.loads(capsys.readouterr().out)["rows"]} == {"dagger", "Ran"}
     assert (here / "ran.txt").exists()
+
+
+def test_the_remedy_of_code_in_a_file_works_when_it_is_pasted(here, capsys):
+    described = {"camera": "spectral", "scenes": {"test": ["mug.nc"]}, "reading": {"bands": 4, "size": [20, 24]},
+                 "codes": {"a": {"camera": {"slots": 1, "shutter": "open"}}}, "noises": {"none": {}},
+                 "decoders": ["mine.py:Scaled", "it's/mine.py:Scaled", "half.pt2"],
+                 "options": {"mine.py:Scaled": {}}}  # fmt: skip
+    (here / "it's").mkdir()
+    (here / "it's" / "mine.py").write_text(DECODERS)
+    (here / "theirs.yaml").write_text(yaml.safe_dump(described))
+    said = refused(capsys, "study", "theirs.yaml")
+    assert "half.pt2, which are code" in said
+    pasted = shlex.split(said.partition("; pass ")[2].partition(" if you trust them")[0])
+    assert pasted == ["--decoders", "mine.py:Scaled,it's/mine.py:Scaled,half.pt2"]
+    asked = _described("theirs.yaml", "./mine.py:Scaled,it's/mine.py:Scaled", None, {})
+    assert asked.decoders[1:] == ("it's-mine-Scaled", "half.pt2")
+    assert asked.decoders[0] in asked.options
+
+
+def test_classes_of_one_name_from_two_files_have_names_of_their_own(here, capsys):
+    (here / "twice.py").write_text(DECODERS.replace("0.1", "0.2"))
+    named = "mine.py:Scaled,twice.py:Scaled"
+    main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named, "--json"])
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["decoder"] for row in rows] == ["mine-Scaled", "twice-Scaled"]
+    assert rows[0]["psnr"] != rows[1]["psnr"]
+    assert decoders_named("twice.py:Scaled") == ["Scaled"]
+    assert "each decoder once" in refused(capsys, "study", "mug.nc", "--decoders", "mine.py:Scaled,./mine.py:Scaled")
 
 
 def test_codes_of_a_snapshot_are_those_it_was_taken_with(here, capsys):
@@ -182,8 +257,54 @@ def test_a_sensor_file_without_an_entry_is_one_line(here):
         read_sensors("empty.yaml")
 
 
-def test_what_is_no_spectral_scene_is_one_line(monkeypatch):
-    views = xr.DataArray(np.ones((3, 3, 3, 20, 24)), dims=("v", "u", "channel", "y", "x"))
-    monkeypatch.setattr(type(application_of("spectral")), "read", lambda self, source, **how: views)
-    with pytest.raises(DataError, match=r"field.nc: found a scene of v, u, channel, y, x, expected a spectral scene"):
+def test_what_is_no_spectral_scene_is_one_line(here):
+    write_light_field(label_light_field(np.ones((3, 3, 20, 24), np.float32)), "field.nc")
+    with pytest.raises(DataError, match=r"field.nc: found a scene of view_v, view_u, y, x, expected a spectral scene"):
         own_study(["field.nc"], camera="spectral")
+
+
+def other_bands(file, first, last, count):
+    """The mug with bands of other wavelengths, nm."""
+    values = np.random.default_rng(0).random((count, 26, 34), np.float32)
+    cube = label(values, np.linspace(first, last, count) * 1e-9)
+    write_dataset(cube.to_dataset(name="radiance"), file)
+
+
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
+def test_cubes_beyond_the_visible_are_measured_over_the_range_that_all_cover(here, capsys):
+    other_bands("nir.nc", 700, 1000, 7)
+    other_bands("far.nc", 800, 1100, 7)
+    asked = ("study", "nir.nc", "far.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger", "--json")
+    main([*asked])
+    told, said = capsys.readouterr()
+    assert "bands from 800 to 1000 nm, which all scenes cover; --range FIRST:LAST" in said
+    reading = json.loads(told)["study"]["reading"]
+    assert (reading["bands"], reading["range"]) == (5, pytest.approx([8e-7, 1e-6]))
+    assert "Bands from 800 to 1000 nm." in (here / "nir-study" / "nir.html").read_text()
+    said = refused(capsys, *asked, "--range", "600:900", "--bands", "3", "--out", "x")
+    assert "nir.nc: found bands from 700 to 1000 nm, expected bands that cover 600 to 900 nm" in said
+    assert "found bands from 400 to 700 nm, expected some beyond the 800 nm" in refused(
+        capsys, "study", "mug.nc", "far.nc", "--out", "x")  # fmt: skip
+
+
+@pytest.mark.parametrize("given", ["400:1000", [400, 1000], [4e-7, 1e-6]])
+def test_a_range_is_asked_for_in_nanometres(here, given):
+    other_bands("wide.nc", 400, 1000, 13)
+    study = own_study(["wide.nc"], codes=["cassi"], reading={"range": given})
+    assert study.reading["range"] == pytest.approx([4e-7, 1e-6])
+    assert study.reading["bands"] == 12
+    assert study.decoders == ("admm-tv",)
+    assert study.evaluation.load("wide.nc", study.reading)["wavelength_nm"].values[[0, -1]].tolist() == [400, 1000]
+    assert own_study(["wide.nc"]).reading["range"] is None  # it covers the visible
+    with pytest.raises(SettingError, match=r"decoders: found lmmse, expected none that learn from the rendered"):
+        own_study(["wide.nc"], reading={"range": given}, decoders=["lmmse"])
+    with pytest.raises(SettingError, match=r"codes: found designed"):
+        own_study(["wide.nc"], reading={"range": given}, codes=["designed"])
+
+
+@pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
+def test_a_snapshot_of_such_a_cube_takes_the_range_that_it_covers(here, capsys):
+    other_bands("nir.nc", 700, 1000, 7)
+    main(["simulate", "spectral", "nir.nc", "--bands", "4", "--slots", "2", "--no-figures", "--out", "s.nc"])
+    assert "bands from 700 to 1000 nm, which nir.nc covers" in capsys.readouterr().err
+    assert (read_dataset("s.nc", ())["wavelength"].values * 1e9).tolist() == pytest.approx([700, 800, 900, 1000])

@@ -59,9 +59,16 @@ def test_a_study_measures_what_the_cameras_give_and_resumes(tmp_path, capsys, mo
         camera = SpectralCamera(bands=bands, size=(24, 32), slots=2, seed=seed, sensor=Sensor(0.02))
         levels.append(evaluate(decode(simulate(scene, camera, seed=seed), "admm-tv"), scene)["psnr"])
     assert rows["two", "some", "admm-tv"]["seed_psnr"] == pytest.approx(levels, abs=1e-4)
+    main(["study", "mine.yaml"])
+    assert capsys.readouterr().err == ""
+    written(tmp_path, seeds=1)
+    said = refused(capsys, "study", "mine.yaml")
+    assert "mine.json: found results of another study (other seeds)" in said
     main(["study", "mine.yaml", "--overwrite"])
     assert capsys.readouterr().err == ""
-    assert "mine.json" in refused(capsys, "study", "mine.yaml")
+    assert "mine.json" in refused(capsys, "study", str(written(tmp_path)))
+    (tmp_path / "results" / "mine.json").write_text("{")
+    assert "found results of another study, expected none" in refused(capsys, "study", "mine.yaml")
 
 
 def test_in_dead_time_a_burst_collects_no_light(tmp_path, monkeypatch, capsys):

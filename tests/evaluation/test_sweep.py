@@ -10,7 +10,7 @@ from tmca.cameras import LightFieldCamera
 from tmca.data import rendered_scene, select_bands, write_dataset
 from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import decode
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.evaluation.grid import CellsFailed
 from tmca.evaluation.sweep import Sweep, run_sweep
 
@@ -34,9 +34,11 @@ def test_every_combination_is_measured_once_and_kept(tmp_path):
         rows = list(csv.DictReader(file))
     assert [float(row["psnr"]) for row in rows] == [row["psnr"] for row in found["rows"]]
     assert (tmp_path / "out.png").stat().st_size > 1000
-    again = sweep(tmp_path, vary, overwrite=True, progress=lambda done, total, name, left: told.append(name))
+    again = sweep(tmp_path, vary, progress=lambda done, total, name, left: told.append(name))
     assert again["rows"] == found["rows"]
     assert len(told) == 4
+    with pytest.raises(OutputError, match=r"results of another sweep \(other vary\).*--overwrite"):
+        sweep(tmp_path, {"noise": [0.0]})
 
 
 def test_a_failed_cell_is_named_and_the_others_are_kept(tmp_path):

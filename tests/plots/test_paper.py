@@ -66,6 +66,15 @@ def test_pictures_say_the_psnr_and_failed_ones_that_they_failed():
     assert said.count("failed") == 1
 
 
+def test_a_column_of_which_nothing_is_there_keeps_its_place():
+    names = [*cubes(3, 1)]
+    some = {name: one for name, one in cubes(3, 1).items() if name != names[1]}
+    written = texts(side_by_side(some, None, names))
+    heads = {one.get_text().replace("\n", " "): box.x0 for one, box in written}
+    assert heads["code number 0"] < heads["code number 1"] < heads["code number 2"]
+    assert [one.get_text() for one, _ in written].count("failed") == 1
+
+
 def test_the_spectra_are_those_of_the_best_decoder_of_every_code():
     truth = cube(99)["estimate"].values
     values = {("a", "far"): truth + 0.3, ("a", "near"): truth + 0.1, ("b", "far"): truth + 0.2}

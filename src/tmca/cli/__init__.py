@@ -143,15 +143,16 @@ def _missing(error: MissingArgumentError) -> str:
 
 
 def _in_options(error: TmcaError, tokens: list[str]) -> str:
-    """The error's line; a field that the command has an option for, or that ``--set`` gives, is named by it."""
+    """The error's line; a field that the command has an option for, or that ``--set`` or ``--reading`` gives, is named
+    by it."""
     from tmca.cli.app import app
 
     field, space, rest = error.where.partition(" ")
     option = f"--{field.replace('_', '-')}"
-    given = [name for name in _set_names(tokens) if field in (name, name.rpartition(".")[2])]
+    given = [(by, name) for by, name in _names_given(tokens) if field in (name, name.rpartition(".")[2])]
     if given and option not in tokens:
-        return f"--set {given[0]}{str(error)[len(field) :]}"
-    if not field.isidentifier():
+        return f"{' '.join(given[0])}{str(error)[len(field) :]}"
+    if not field.replace("-", "_").isidentifier():
         return str(error)
     command = app.parse_commands(tokens)[1][-1]
     options = {name for argument in command.assemble_argument_collection() for name in argument.names}
@@ -159,11 +160,10 @@ def _in_options(error: TmcaError, tokens: list[str]) -> str:
     return f"{option}{space}{rest}{str(error)[len(error.where) :]}" if has_option else str(error)
 
 
-def _set_names(tokens: list[str]) -> list[str]:
-    """Names of the settings that ``--set NAME=VALUE`` gives."""
-    values = [value for option, value in pairwise(tokens) if option == "--set"]
-    values += [token.removeprefix("--set=") for token in tokens if token.startswith("--set=")]
-    return [value.partition("=")[0].strip() for value in values]
+def _names_given(tokens: list[str]) -> list[tuple[str, str]]:
+    """Options that take NAME=VALUE, and the names that they give."""
+    pairs = [*pairwise(tokens), *((option, value) for option, _, value in (one.partition("=") for one in tokens))]
+    return [(option, value.partition("=")[0].strip()) for option, value in pairs if option in ("--set", "--reading")]
 
 
 def _lines_once() -> Callable[..., None]:

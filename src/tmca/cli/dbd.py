@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.options.numbers import MaybeWhole, On, Whole, numbers
-from tmca.cli.options.output import Json, Overwrite, check_figure, check_targets, say
+from tmca.cli.options.output import Json, Markdown, Overwrite, check_figure, check_targets, say
 from tmca.cli.progress import cell_done
 from tmca.errors import SettingError
 from tmca.progress import progress_bar
@@ -111,6 +111,7 @@ def solve(
     waveform: list[str] | None = None,
     overwrite: Overwrite = False,
     json: Json = False,
+    markdown: Markdown = False,
 ) -> None:
     """Find the targets, the paths and both signals in FILE.
 
@@ -176,7 +177,8 @@ def solve(
     if csv:
         write_text(path_csv(recovery), csv, overwrite=overwrite)
     written = ", ".join(str(one) for one in (out, csv) if one)
-    say(recovery_values(recovery), json, *recovery_lines(recovery), f"wrote {written} and {figure}")
+    lines = (*recovery_lines(recovery, markdown), f"wrote {written} and {figure}")
+    say(recovery_values(recovery), json, *lines, markdown=markdown)
 
 
 @app.command
@@ -192,6 +194,7 @@ def study(
     tolerance: float | None = None,
     overwrite: Overwrite = False,
     json: Json = False,
+    markdown: Markdown = False,
 ) -> None:
     """Phase transitions: how often recoveries succeed, `--vary L=1,2,3,4 --vary J=1,2,3`.
 
@@ -220,7 +223,7 @@ def study(
     asked = draw.Study(axes, fixed, draws, certify, tolerance)
     rows = draw.run_study(asked, work, jobs=jobs, progress=cell_done)
     tables.save_results(asked, rows, out, ["tmca", *sys.argv[1:]], overwrite=overwrite)
-    say([row.plain() for row in rows], json, tables.study_table(asked, rows))
+    say([row.plain() for row in rows], json, tables.study_table(asked, rows), markdown=markdown)
 
 
 @app.command

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from tmca.cli.options.numbers import size as parsed_size
-from tmca.cli.options.output import Json, Overwrite, say
+from tmca.cli.options.output import Json, Markdown, Overwrite, say
 from tmca.errors import OutputError
 from tmca.progress import progress_bar
 
@@ -18,6 +18,7 @@ def demo(
     jobs: int = 2,
     overwrite: Overwrite = False,
     json: Json = False,
+    markdown: Markdown = False,
 ) -> None:
     """Rendered scenes → snapshots with a static and a time-multiplexed code → reconstructions, table, HTML report.
 
@@ -41,4 +42,4 @@ def demo(
         f"A {kind} camera:\n\n" + markdown_table(results[application.demo.key], demo_columns(kind))
         for kind, application in APPLICATIONS.items() if application.demo is not None
     )  # fmt: skip
-    say(results, json, *tables, f"{results['seconds']:.0f} s; open {results['report']}")
+    say(results, json, *tables, f"{results['seconds']:.0f} s; open {results['report']}", markdown=markdown)

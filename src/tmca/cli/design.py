@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, READING, group, scenes_of
 from tmca.cli.options.numbers import Whole, size, whole_numbers
-from tmca.cli.options.output import Json, Overwrite, check_figure, say
+from tmca.cli.options.output import Json, Markdown, Overwrite, check_figure, say
 from tmca.cli.progress import cell_done
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.progress import progress_bar
@@ -47,6 +47,7 @@ class DesignOptions:
     sensor: Sensor = None
     overwrite: Overwrite = False
     json: Json = False
+    markdown: Markdown = False
 
     def how(self, sheet: SheetSpec) -> dict[str, Any]:
         """Arguments of a search for the sensor, whose values ``sheet`` replaces."""
@@ -183,7 +184,8 @@ def _told(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOpti
     """The advice as a table and a sentence, or as JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    say(report, run.json, markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}")
+    lines = (markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}")
+    say(report, run.json, *lines, markdown=run.markdown)
 
 
 @app.command
@@ -249,6 +251,7 @@ def study(
     jobs: Whole = 1,
     overwrite: Overwrite = False,
     json: Json = False,
+    markdown: Markdown = False,
 ) -> None:
     """Where time multiplexing pays: designed and random codes over read noise, full well and number of slots.
 
@@ -278,4 +281,4 @@ def study(
         test_slots=test_slots, validation=checked, steps=steps, seeds=seeds, jobs=jobs, overwrite=overwrite,
         progress=cell_done, command=["tmca", *sys.argv[1:]],
     )  # fmt: skip
-    say(results, json, (out / "codes.md").read_text())
+    say(results, json, (out / "codes.md").read_text(), markdown=markdown)

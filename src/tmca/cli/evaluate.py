@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.output import Json, Overwrite, assumed, check_figure, meaning, say
+from tmca.cli.options.output import Json, Markdown, Overwrite, assumed, check_figure, meaning, say
 from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -33,6 +33,7 @@ def evaluate(
     figure: Path | None = None,
     overwrite: Overwrite = False,
     json: Json = False,
+    markdown: Markdown = False,
 ) -> None:
     """PSNR, SSIM, UIQI, SAM, ERGAS and DD of ESTIMATE against TRUTH; bands are matched by wavelength.
 
@@ -74,7 +75,7 @@ def evaluate(
         own = metrics[files[0]]
         say(own, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()))
         return
-    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics))
+    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), markdown=markdown)
 
 
 def _table(metrics: dict[str, dict[str, float]]) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from tmca.cli.cameras import READING
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, say
+from tmca.errors import SettingError
 from tmca.specs import CAMERA_SPECS, ViewsReading
 
 _VIEWS = ViewsReading()
@@ -27,13 +28,16 @@ def inspect(
 
     Args:
         file: a cube, light field (file or folder of views), scene with depth (folder, file, or folder and stem as in
-            nyuv2/00050), capture, snapshot, prior or any array file.
+            nyuv2/00050), capture, snapshot, prior, weights (.safetensors) or any array file.
         variable: which one, where the file holds several.
         conditioning: for a snapshot file, rank, condition number and coherence of a corner of its matrix.
     """
     from tmca.data import describe
 
     check_figure(figure, overwrite, file)
+    if file.suffix == ".safetensors":
+        _weights(file, json, {"variable": variable, "conditioning": conditioning or None, "figure": figure})
+        return
     description = describe(file, variable, **reading.given())
     if conditioning:
         from tmca.cameras import Snapshot
@@ -51,6 +55,21 @@ def inspect(
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
         description["figure"] = str(figure)
     say(description, json, *_lines(description))
+
+
+def _weights(file: Path, json: bool, asked: dict[str, Any]) -> None:
+    """Say what a file of weights holds.
+
+    Raises:
+        SettingError: an option that is for other files.
+    """
+    from tmca.decoders.nets.described import describe_weights, weights_lines
+
+    for name, value in asked.items():
+        if value is not None:
+            raise SettingError(name, f"one for {file}, which holds weights", "none", "leave it out")
+    about = describe_weights(file)
+    say(about, json, *weights_lines(about))
 
 
 def _lines(description: dict[str, Any]) -> list[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -192,7 +191,7 @@ class _Job:
         scene, prior = self._scene(), asked.dictionary or asked.prior
         if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
             prior = None
-        with progress_bar(f"{self.decoder}: {self.file.name}") as progress, _failures_of(self.cls):
+        with progress_bar(f"{self.decoder}: {self.file.name}") as progress:
             how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
             estimate = decode(self.taken, self.decoder, **how, **self.settings)
         metrics = {} if scene is None else evaluate(estimate, scene)
@@ -219,24 +218,6 @@ class _Job:
         scene = application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
         compare_scene(taken.notes, truth)
         return scene
-
-
-@contextmanager
-def _failures_of(cls: type[Decoder] | None) -> Iterator[None]:
-    """Within it, what a decoder of a file of one's own raises is one line that says where."""
-    from tmca.lab.decoder_files import file_of
-    from tmca.plugins import line_in
-
-    own = None if cls is None else file_of(cls)
-    try:
-        yield
-    except TmcaError:
-        raise
-    except Exception as error:
-        if cls is None or own is None:
-            raise
-        found = f"{cls.name} of {own}, which fails with {type(error).__name__}: {error}{line_in(own, error)}"
-        raise SettingError("decoder", found, "an estimate", "mend it") from error
 
 
 def _run_all(jobs: Sequence[_Job], asked: _Asked) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -66,9 +66,21 @@ def spectral(
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
     how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
+    if not (all_bands or "range" in how):
+        how |= _range_of(scenes, how)
     moved = pair(motion, "--motion")
     taken = _taken(CameraChoice(camera, sensor), how, scenes, calibration, hardware, output, assumed, motion=moved)
     _write(*taken, output, {"bands": taken[0].camera.bands}, f"{taken[0].camera.bands} bands")
+
+
+def _range_of(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
+    """The range that all scenes cover, where it is not from 400 to 700 nm; it is said."""
+    from tmca.data.fitting import usual_span
+    from tmca.data.headers import wavelengths_of
+
+    about = {name: reading[name] for name in ("wavelengths", "variable") if name in reading}
+    span = usual_span({scene: wavelengths_of(scene, **about) for scene in scenes})
+    return {} if span is None else {"range": span}
 
 
 @app.command

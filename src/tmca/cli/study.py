@@ -29,6 +29,7 @@ def study(
     camera: str | None = None,
     crop: str | None = None,
     bands: MaybeWhole = None,
+    range: str | None = None,
     seeds: MaybeWhole = None,
     reading: Annotated[list[str] | None, Parameter(name="--reading")] = None,
     out: Path | None = None,
@@ -39,7 +40,7 @@ def study(
 
     `tmca study my.mat --sensor sensor.yaml --codes cassi,one-hot,designed --decoders lmmse,mixture`; or `tmca study
     FILE.yaml`, which describes any comparison (docs/studies.md). Writes NAME.csv, NAME.md, NAME.json, NAME.pdf,
-    NAME.png and NAME.html for the first scene's NAME. Finished cells stay in --work: a run that was stopped resumes.
+    NAME.png and NAME.html for the first scene's NAME. The same command again computes only what is missing.
 
     Args:
         scenes: files, folders or names of rendered scenes that are measured; or one YAML file.
@@ -51,7 +52,9 @@ def study(
             decoder export`. Beside a YAML file: more of them. [default: that of tmca reconstruct]
         camera: spectral, light-field, spectral-depth, or one of another package; what the scenes are for without it.
         crop: HEIGHTxWIDTH, the middle of every scene.
-        bands: of a spectral camera, nearest to even spacing from 400 to 700 nm. [default: 12, or all of fewer]
+        bands: of a spectral camera, nearest to even spacing over the range. [default: 12, or all of fewer]
+        range: FIRST:LAST in nm that bands are taken from, such as 400:1000. [default: 400:700 where all scenes cover
+            it, else what all cover]
         seeds: how many draws of codes and noise. [default: 1]
         reading: NAME=VALUE, further entries of the study's reading (docs/studies.md); may be given several times.
         out: folder of the results. [default: NAME-study; results for a YAML file]
@@ -62,7 +65,8 @@ def study(
     from tmca.evaluation.run import run_study
 
     described = len(scenes) == 1 and Path(scenes[0]).suffix in _YAML
-    given = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands, "reading": reading}
+    given: dict[str, Any] = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands}
+    given |= {"range": range, "reading": reading}
     if described:
         asked = _described(scenes[0], decoders, seeds, given)
         out, work = out or Path("results"), work or Path("runs") / f"study-{asked.name}"
@@ -97,6 +101,7 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     from tmca.evaluation.own import own_study
     from tmca.evaluation.tables import check_counts
     from tmca.lab.decoder_files import decoders_named
+    from tmca.specs.base import range_of_nm
     from tmca.yaml_files import parsed_yaml
 
     if not scenes:
@@ -104,8 +109,12 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     check_counts(seeds=1 if seeds is None else seeds)
     codes = [part.strip() for part in (given["codes"] or "").split(",") if part.strip()]
     how = {"sensor": given["sensor"], "camera": given["camera"], "bands": given["bands"], "codes": codes}
-    how |= {"reading": {name: parsed_yaml(text) for name, text in one_value(given["reading"]).items()}}
-    how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1}
+    how |= {
+        "reading": {
+            name: parsed_yaml(text) for name, text in one_value(given["reading"], "--reading", "views=3").items()
+        }
+    }
+    how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1, "range": range_of_nm(given["range"])}
     return own_study(scenes, decoders=decoders_named(decoders or "", "decoders"), **how)
 
 
@@ -113,14 +122,19 @@ def _described(file: str, decoders: str | None, seeds: int | None, given: dict[s
     """The study of a YAML file, with decoders and seeds of the command line; code that the file alone names is
     refused."""
     from tmca.evaluation.study import read_study
-    from tmca.lab.decoder_files import decoder_named
+    from tmca.lab.decoder_files import names_of, place_of
 
     beside = [name for name, value in given.items() if value is not None]
     if beside:
         remedy = "write it into the file, or leave the file out"
         raise SettingError(beside[0], f"one beside {file}", "what the file says", remedy)
+    typed = names_of([text.strip() for text in (decoders or "").split(",") if text.strip()])
+    by_place = {place_of(text): name for text, name in typed.items()}
     asked = read_study(file)
-    named = [text.strip() for text in (decoders or "").split(",") if text.strip()]
-    loaded = {text: decoder_named(text, "decoders") for text in named}
-    names = [loaded.get(name, name) for name in asked.decoders]
-    return asked.with_(decoders=[*dict.fromkeys([*names, *loaded.values()])], seeds=seeds)
+    names = {name: by_place.get(place_of(name), name) for name in (*asked.decoders, *asked.options)}
+    return asked.with_(
+        decoders=[*dict.fromkeys([*(names[name] for name in asked.decoders), *typed.values()])],
+        options={names[name]: settings for name, settings in asked.options.items()},
+        shown=None if asked.shown is None else [(code, names.get(name, name)) for code, name in asked.shown],
+        seeds=seeds,
+    )

@@ -195,21 +195,33 @@ def _run(
 ) -> None:  # fmt: skip
     """Sweep, and print the page."""
     from tmca.evaluation.sweep import Sweep, run_sweep
-    from tmca.lab.decoder_files import decoder_named
+    from tmca.lab.decoder_files import decoder_named, names_of
 
     axes, settled = named_values(vary, "--vary"), one_value(fixed)
     how["decoder"] = decoder_named(how["decoder"])
     if "decoder" in axes:
-        axes["decoder"] = [decoder_named(name, "--vary decoder") for name in axes["decoder"]]
+        axes["decoder"] = [*names_of(axes["decoder"], "--vary decoder").values()]
     if "decoder" in settled:
         settled["decoder"] = decoder_named(settled["decoder"], "--set decoder")
     found = run_sweep(Sweep(camera, axes, scenes, fixed=settled, **how), out, work, progress=cell_done, **grid.how())
     say(found, grid.json, out.with_suffix(".md").read_text(), markdown=grid.markdown)
 
 
-def one_value(texts: Sequence[str] | None) -> dict[str, str]:
-    """Name → value of NAME=VALUE texts of ``--set``; errors as of `named_values`."""
-    return {name: values[0] for name, values in named_values(texts or (), "--set").items()}
+def one_value(texts: Sequence[str] | None, option: str = "--set", example: str = "slots=4") -> dict[str, str]:
+    """Name → value of the NAME=VALUE texts of an option.
+
+    Raises:
+        SettingError: a text of another form, or a name twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts or ():
+        name, _, value = (part.strip() for part in text.partition("="))
+        if not name or not value:
+            raise SettingError(option, repr(text), f"NAME=VALUE, such as {example}")
+        if name in found:
+            raise SettingError(option, f"{name} twice", "one value of each name", "leave one out")
+        found[name] = value
+    return found
 
 
 def named_values(texts: Sequence[str], option: str) -> dict[str, list[str]]:

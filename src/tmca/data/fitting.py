@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.wavelengths import metres_to_nm
-from tmca.data.in_memory import as_cube, as_depth_scene, as_views
+from tmca.data.in_memory import SceneWarning, as_cube, as_depth_scene, as_views
 from tmca.errors import DataError, SettingError, check_range
 
 if TYPE_CHECKING:
@@ -17,8 +18,8 @@ if TYPE_CHECKING:
 
 Size = tuple[int, int]
 VISIBLE = (400e-9, 700e-9)
-_OTHER_RANGE = "ask for a range inside the cube's (--range FIRST:LAST)"
 """Metres between which bands are chosen."""
+_OTHER_RANGE = "ask for a range inside the cube's (--range FIRST:LAST)"
 Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
@@ -134,6 +135,39 @@ def select_bands(cube: xr.DataArray, count: int, span: tuple[float, float] = VIS
     return nearest_bands(cube, targets)
 
 
+def usual_span(scenes: Mapping[str, NDArray[np.float64]]) -> tuple[float, float] | None:
+    """Range (metres) that bands are taken from where none is asked for: what all scenes cover, or the part of it from
+    400 to 700 nm, which the rendered scenes have, where that is at least half of it; None if all cover 400 to 700 nm.
+
+    Args:
+        scenes: name → wavelengths of the bands, metres.
+
+    Raises:
+        DataError: a scene that has nothing in common with another.
+
+    Warns:
+        SceneWarning: which range is taken.
+    """
+    ends = {name: _reach(metres_to_nm(metres)) for name, metres in scenes.items()}
+    low, high = metres_to_nm(np.array(VISIBLE))
+    if all(first <= low + 1e-3 and last >= high - 1e-3 for first, last in ends.values()):
+        return None
+    ends = {name: _centres(metres_to_nm(metres)) for name, metres in scenes.items()}
+    late, early = max(ends, key=lambda name: ends[name][0]), min(ends, key=lambda name: ends[name][1])
+    first, last = ends[late][0], ends[early][1]
+    if first >= last:
+        found, expected = f"bands from {ends[early][0]:g} to {last:g} nm", f"some beyond the {first:g} nm of {late}"
+        raise DataError(early, found, expected, "leave one of the two out")
+    inside = max(first, low), min(last, high)
+    if inside[1] - inside[0] >= (last - first) / 2:
+        first, last = inside
+    whom = "all scenes cover" if len(scenes) > 1 else f"{next(iter(scenes))} covers"
+    warn(
+        f"bands from {first:g} to {last:g} nm, which {whom}; --range FIRST:LAST (range=) takes others", SceneWarning, 3
+    )
+    return first * 1e-9, last * 1e-9
+
+
 def bands_within(cube: xr.DataArray, span: tuple[float, float]) -> xr.DataArray:
     """All bands of a cube within a range of wavelengths, metres.
 
@@ -179,13 +213,24 @@ def _covering(cube: xr.DataArray, targets: NDArray[np.float64] | None) -> NDArra
     if targets is None:
         return nm
     wanted = metres_to_nm(targets)
-    rising = np.sort(nm)
-    beyond = np.diff(rising)[[0, -1]] / 2 if nm.size > 1 else (10.0, 10.0)
-    if wanted.min() < rising[0] - beyond[0] - 1e-3 or wanted.max() > rising[-1] + beyond[1] + 1e-3:
-        found, expected = f"bands from {rising[0]:g} to {rising[-1]:g} nm", "bands that cover"
+    low, high = _reach(nm)
+    if wanted.min() < low - 1e-3 or wanted.max() > high + 1e-3:
+        found, expected = f"bands from {nm.min():g} to {nm.max():g} nm", "bands that cover"
         expected = f"{expected} {wanted.min():g} to {wanted.max():g} nm"
         raise DataError(where, found, expected, _OTHER_RANGE)
     return nm
+
+
+def _reach(nm: NDArray[np.float64]) -> tuple[float, float]:
+    """The wavelengths that bands cover: half a band beyond the outermost centres, 10 nm of one."""
+    rising = np.sort(nm)
+    beyond = np.diff(rising)[[0, -1]] / 2 if nm.size > 1 else (10.0, 10.0)
+    return float(rising[0] - beyond[0]), float(rising[-1] + beyond[1])
+
+
+def _centres(nm: NDArray[np.float64]) -> tuple[float, float]:
+    """The outermost centres of bands; of one band what it covers."""
+    return (float(nm.min()), float(nm.max())) if nm.size > 1 else _reach(nm)
 
 
 def at_bands(cube: xr.DataArray, wavelengths: Sequence[float]) -> xr.DataArray:

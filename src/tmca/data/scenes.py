@@ -11,7 +11,7 @@ from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import Negative, read
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.describe import depth_in
-from tmca.data.fitting import VISIBLE, bands_within, middle_of, select_bands
+from tmca.data.fitting import VISIBLE, bands_within, middle_of, select_bands, usual_span
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.light_fields import find_light_field
@@ -98,7 +98,7 @@ def load_scene(
         bands: number of bands, nearest to even spacing over the range; None keeps all bands, and so does
             ``"up to 12"`` of a file with fewer.
         range: (first, last) wavelength that bands are taken from, metres; 400 to 700 nm without it, or all where all
-            bands are kept.
+            bands are kept. With ``"up to 12"`` of a cube that does not cover these it is what the cube covers.
         size: (H, W) centre crop; None keeps the whole scene.
         wavelengths: of the file's bands, metres, where the file does not say.
         variable: which one, where the file holds several.
@@ -140,4 +140,6 @@ def _banded(cube: xr.DataArray, bands: int | str | None, span: tuple[float, floa
     inside = cube if span is None or isinstance(bands, int) else bands_within(cube, span)
     if bands == "up to 12":
         bands = 12 if inside.sizes["wavelength"] >= 12 else None
+        if bands is not None and span is None:
+            span = usual_span({str(cube.attrs.get("source", "cube")): cube["wavelength"].values})
     return inside if not isinstance(bands, int) else select_bands(cube, bands, span or VISIBLE)

@@ -79,11 +79,11 @@ def separation_line(recovery: Recovery) -> str:
     return f"joint separation (Monsalve et al. 2022): {verdict}: {'; '.join(parts)}"
 
 
-def recovery_lines(recovery: Recovery) -> list[str]:
-    """A table for every source, the flags, and what cannot be known."""
+def recovery_lines(recovery: Recovery, markdown: bool = False) -> list[str]:
+    """A table for every source, as Markdown if asked for, the flags, and what cannot be known."""
     lines, rows = [], path_rows(recovery)
     for source in recovery.sources:
-        lines += [*_source_lines(source, rows, recovery.problem), ""]
+        lines += [*_source_lines(source, rows, recovery.problem, markdown), ""]
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
     lines.append(
         f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
@@ -107,16 +107,20 @@ def _found(recovery: Recovery) -> str:
     return "no" if not any(map(len, recovery)) else f"no, {recovery.doubt}"
 
 
-def _source_lines(source: Channel, rows: list[dict[str, Any]], problem: Problem) -> list[str]:
+def _source_lines(source: Channel, rows: list[dict[str, Any]], problem: Problem, markdown: bool) -> list[str]:
     """A source's targets or paths in physical units where there are any, normalised without."""
     mine = [row for row in rows if row["source"] == source.name]
     if not mine:
         return [f"{source.name}: no paths"]
     shown = [_cells(row, problem, source.relative_doppler) for row in mine]
     table = [tuple(shown[0]), *(tuple(cells.values()) for cells in shown)]
+    title = f"{source.name}: {len(mine)} path{'s' if len(mine) > 1 else ''}"
+    if markdown:
+        table.insert(1, ("---",) * len(table[0]))
+        return [title, "", *(f"| {' | '.join(cells)} |" for cells in table)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ["  ".join(f"{one:>{width}}" for one, width in zip(cells, widths, strict=True)) for cells in table]
-    return [f"{source.name}: {len(mine)} path{'s' if len(mine) > 1 else ''}", *(f"  {line}" for line in lines)]
+    return [title, *(f"  {line}" for line in lines)]
 
 
 def _cells(row: dict[str, Any], problem: Problem, relative: bool) -> dict[str, str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from math import prod
 from pathlib import Path
@@ -24,7 +25,7 @@ from tmca.decoders.estimate import PRIOR, Estimate
 from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
-from tmca.plugins import take
+from tmca.plugins import failures_of, file_of, take
 from tmca.priors import Prior, find_prior, has_rendered
 from tmca.progress import Asked, reporting
 
@@ -152,11 +153,15 @@ class Decoder(WithSettings, ABC):
         chosen = decoder.find_prior(camera, prior, progress)
         start = time.perf_counter()
         device = next((tensor.device for tensor in camera.buffers()), torch.device("cpu"))
-        with torch.no_grad(), enough_memory(device):
+        with torch.no_grad(), decoder._failures(), enough_memory(device):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
         return Prepared(decoder, camera, state, time.perf_counter() - start, _in_a_line(chosen, prior))
+
+    def _failures(self) -> AbstractContextManager[None]:
+        """Within it, what a decoder of a file of one's own raises is one line that says where."""
+        return failures_of(type(self), "decoder", self.name, "an estimate")
 
     def __call__(
         self, snapshot: Snapshot[Any], prior: str | Path | Prior | None = None, progress: Progress | None = None
@@ -194,14 +199,14 @@ class Prepared:
             remedy = "mask or replace the bad pixels first"
             raise DataError("snapshot", "NaN or infinite values", "finite values", remedy)
         start = time.perf_counter()
-        with torch.no_grad(), enough_memory(values.device):
+        with torch.no_grad(), self.decoder._failures(), enough_memory(values.device):
             raw = self.decoder.reconstruct(self.state, values, progress)
-        raw = raw if isinstance(raw, Raw) else Raw(raw)
-        shape = (len(values), *self.decoder.scene_shape(self.camera))
-        scenes = _checked(self.decoder.name, raw.values, shape).reshape(shape).to(values.dtype)
+            raw = raw if isinstance(raw, Raw) else Raw(raw)
+            shape = (len(values), *self.decoder.scene_shape(self.camera))
+            scenes = _checked(self.decoder, raw.values, shape).reshape(shape).to(values.dtype)
+            deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
         if self.decoder.clips:
             scenes = scenes.clamp_min(0)
-        deviation = None if raw.deviation is None else raw.deviation.reshape(shape).to(values.dtype)
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         seconds = time.perf_counter() - start
         notes = {**notes, **({PRIOR: self.prior} if self.prior else {}), **raw.notes}
@@ -299,12 +304,16 @@ def _in_a_line(prior: Any, given: Any) -> str:
     return f"{prior.in_a_line()} ({source})"
 
 
-def _checked(name: str, values: Any, shape: tuple[int, ...]) -> Tensor:
+def _checked(decoder: Decoder, values: Any, shape: tuple[int, ...]) -> Tensor:
     """What a decoder returns; refused if it is no tensor, has other entries, or values that are not finite."""
+    own = file_of(type(decoder))
+    name, remedy = (decoder.name, "change its settings") if own is None else (f"{decoder.name} of {own}", "mend it")
     if not isinstance(values, Tensor) or values.numel() != prod(shape):
         found = f"shape {tuple(values.shape)}" if isinstance(values, Tensor) else f"a {type(values).__name__}"
         raise ShapeError("decoder", f"{found} from {name}", f"the entries of {shape}")
-    if not bool(torch.isfinite(values).all()):
-        found = f"an estimate of {name} with NaN or infinite values"
-        raise SettingError("decoder", found, "finite ones", "change its settings")
+    bad = ~torch.isfinite(values.reshape(shape))
+    if bool(bad.any()):
+        first = tuple(bad.nonzero()[0].tolist())
+        found = f"an estimate of {name} with NaN or infinite values: {int(bad.sum())} of {bad.numel()}"
+        raise SettingError("decoder", f"{found}, the first at {first}", "finite ones", remedy)
     return values

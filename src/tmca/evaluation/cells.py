@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -241,11 +241,11 @@ STEPS: Mapping[str, type[Cell]] = {
 }
 
 
-def compute(cell: Settings, folder: str, device: str | None = None, files: Sequence[str] = ()) -> Measured:
+def compute(cell: Settings, folder: str, device: str | None = None, files: Mapping[str, str] | None = None) -> Measured:
     """A cell of any kind, by its ``step``; ``folder`` takes its files, ``device`` is where it is decoded, and decoders
-    of ``files`` are those that were named where the cells are sent from."""
-    for file in files:
-        decoder_named(file)
+    of ``files``, by their names, are those that were named where the cells are sent from."""
+    for name, file in (files or {}).items():
+        decoder_named(file, name=name)
     checked = STEPS[cell["step"]].model_validate(cell)
     with computing_on(device):
         return checked.compute(evaluation_of(checked.camera), Path(folder))

@@ -21,7 +21,7 @@ from tmca.data import make_folder, write_json, write_text
 from tmca.data.atomic import sweep_all
 from tmca.data.files import content_digest
 from tmca.data.scene_names import SceneWarning
-from tmca.errors import DataError, SettingError, TmcaError
+from tmca.errors import DataError, SettingError, TmcaError, one_line
 from tmca.plugins import BrokenPlugin, source_digest
 from tmca.workers import in_processes
 
@@ -73,7 +73,7 @@ class Grid:
         cluster: parameters of submitit (``timeout_min``, ``slurm_partition``, …) to send the cells to Slurm instead.
         progress: called with (done, all, name, seconds left) after each cell of a part.
         total: cells in all parts.
-        failed: names of those that raised, and the files of their tracebacks.
+        failed: names of those that raised, the files of their tracebacks, and why in one line.
     """
 
     compute: Compute
@@ -82,7 +82,7 @@ class Grid:
     cluster: Settings | None = None
     progress: Timed | None = None
     total: int = field(default=0, init=False)
-    failed: list[tuple[str, Path]] = field(default_factory=list, init=False)
+    failed: list[tuple[str, Path, str]] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
         make_folder(self.folder)
@@ -104,12 +104,12 @@ class Grid:
         waiting = {files[i]: i for i in range(len(asked)) if files[i] not in measured}  # equal cells once
         done, begun = len(asked) - len(waiting), time.monotonic()
         work = [(asked[index], file, self.compute) for file, index in waiting.items()]
-        for computed, (place, failed) in enumerate(self._outcomes(work), 1):
+        for computed, (place, reason) in enumerate(self._outcomes(work), 1):
             file = work[place][1]
             name, done = names[waiting[file]], done + 1
-            if failed:
-                self.failed.append((name, file.with_suffix(".error.txt")))
-                name = f"{name}: failed, {_reason(self.failed[-1][1])}"
+            if reason:
+                self.failed.append((name, file.with_suffix(".error.txt"), reason))
+                name = f"{name}: failed, {reason}"
             elif (cell := _finished(file)) is not None:
                 measured[file] = cell
             if self.progress:
@@ -121,21 +121,21 @@ class Grid:
     def check(self) -> None:
         """Raise CellsFailed if cells raised: the message names the first, the folder holds every traceback."""
         if self.failed:
-            named, more = ", ".join(name for name, _ in self.failed[:3]), ", …" if len(self.failed) > 3 else ""
-            reason = _reason(self.failed[0][1])
+            named, more = ", ".join(name for name, *_ in self.failed[:3]), ", …" if len(self.failed) > 3 else ""
+            _, trouble, reason = self.failed[0]
             raise CellsFailed(
                 self.folder,
-                f"{len(self.failed)} of {self.total} cells failed ({named}{more}: {reason})",
+                f"{len(self.failed)} of {self.total} cells failed ({named}{more})",
                 "",
-                f"see {self.failed[0][1]}; a rerun computes only what is missing",
+                f"the first says: {reason}; see {trouble}; a rerun computes only what is missing",
             )
 
     def reasons(self) -> dict[str, str]:
         """Name of every cell that failed → why."""
-        return {name: _reason(trouble) for name, trouble in self.failed}
+        return {name: reason for name, _, reason in self.failed}
 
-    def _outcomes(self, work: Sequence[Work]) -> Iterator[tuple[int, bool]]:
-        """Places of the cells as they end, and whether they failed."""
+    def _outcomes(self, work: Sequence[Work]) -> Iterator[tuple[int, str]]:
+        """Places of the cells as they end, and why they failed, empty of those that did not."""
         if self.cluster is not None:
             yield from _submitted(work, self.folder, self.cluster)
             return
@@ -144,13 +144,6 @@ class Grid:
                 yield place, _one_cell(*cell)
             return
         yield from in_processes(_one_cell, work, self.jobs, _without_warnings)
-
-
-def _reason(trouble: Path) -> str:
-    """The last line of a traceback, without the module of the error's class."""
-    lines = trouble.read_text(encoding="utf-8").rstrip().splitlines() if trouble.exists() else []
-    kind, colon, said = (lines[-1] if lines else "no traceback").partition(": ")
-    return f"{kind.rpartition('.')[2]}{colon}{said}"
 
 
 def run_cells(
@@ -185,7 +178,7 @@ def _finished(file: Path) -> Measured | None:
     return cell
 
 
-def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iterator[tuple[int, bool]]:
+def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iterator[tuple[int, str]]:
     """The outcomes of cells sent to a cluster through submitit."""
     try:
         import submitit
@@ -201,9 +194,9 @@ def _submitted(work: Sequence[Work], folder: Path, parameters: Settings) -> Iter
     for place, job in enumerate(sent):
         try:
             yield place, job.result()
-        except Exception:  # a job that ran out of time or memory
+        except Exception as error:  # a job that ran out of time or memory
             write_text(traceback.format_exc(), work[place][1].with_suffix(".error.txt"), overwrite=True)
-            yield place, True
+            yield place, one_line(error)
 
 
 def _without_warnings() -> None:
@@ -211,15 +204,15 @@ def _without_warnings() -> None:
         simplefilter("ignore", said_before)
 
 
-def _one_cell(cell: Settings, file: Path, compute: Compute) -> bool:
-    """Compute a cell and write its file; True if it failed."""
+def _one_cell(cell: Settings, file: Path, compute: Compute) -> str:
+    """Compute a cell and write its file; why it failed in one line, empty if it did not."""
     trouble = file.with_suffix(".error.txt")
     try:
         measured = compute(cell)
-    except Exception:
+    except Exception as error:
         write_text(traceback.format_exc(), trouble, overwrite=True)
-        return True
+        return one_line(error)
     described = {**cell, **measured}
     write_json({**described, _DIGEST: content_digest(described, _DIGEST)}, file, overwrite=True)
     trouble.unlink(missing_ok=True)
-    return False
+    return ""

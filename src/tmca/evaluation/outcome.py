@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from tmca.evaluation.tables import Column
+from tmca.evaluation.tables import MEASURED, Column, plain_columns
 from tmca.metrics.merits import MERITS
 from tmca.summaries import Summary
 
@@ -34,8 +34,7 @@ class StudyResults(Summary, dict[str, Any]):
         """A row for every code, noise and decoder, with the figures that are numbers or words."""
         import pandas as pd
 
-        plain = (str, int, float)
-        return pd.DataFrame([{k: v for k, v in row.items() if isinstance(v, plain)} for row in self["rows"]])
+        return pd.DataFrame(self["rows"], columns=plain_columns(self["rows"]))
 
     def to_xarray(self) -> xr.Dataset:
         """The same table, labelled."""
@@ -49,8 +48,13 @@ class StudyResults(Summary, dict[str, Any]):
 
         ranked = self._ranked()[:_MOST]
         several = len({row["noise"] for row in ranked}) > 1
-        names = [row["method"] + (f", {row['noise']}" if several else "") for row in ranked]
+        names = [self._called(row) + (f", {row['noise']}" if several else "") for row in ranked]
         return bars_figure(names, [float(row[self._column[0]]) for row in ranked], self._column[1])
+
+    @staticmethod
+    def _called(row: Mapping[str, Any]) -> str:
+        """Name of a row, with what it is the mean of where it lacks cells."""
+        return str(row["method"]) + (f" ({row[MEASURED[0]]})" if MEASURED[0] in row else "")
 
     def _ranked(self) -> list[dict[str, Any]]:
         """Rows that have the figure of merit, the best first."""
@@ -68,7 +72,7 @@ class StudyResults(Summary, dict[str, Any]):
             "decoders": ", ".join(study["decoders"]),
             "scenes": ", ".join(self["split"]["test"]),
             "rows": f"{len(self['rows'])}",
-            "best": "" if best is None else f"{best['method']}: {heading} {best[key]:{form}}",
+            "best": "" if best is None else f"{self._called(best)}: {heading} {best[key]:{form}}",
         }
 
     def _picture(self) -> Figure | None:

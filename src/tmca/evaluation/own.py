@@ -6,9 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from pydantic import ValidationError
+
 from tmca.applications import application_of
 from tmca.cameras import CAMERAS
 from tmca.data import read_dataset
+from tmca.data.fitting import VISIBLE, usual_span
+from tmca.data.headers import view_size_of, wavelengths_of
+from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import named_scenes, short_names
 from tmca.data.scenes import scene_kind
 from tmca.decoders import decoders as registered_decoders
@@ -16,7 +22,7 @@ from tmca.errors import DataError, SettingError, TmcaError, check_choice, did_yo
 from tmca.evaluation.camera import Settings, evaluation_of
 from tmca.evaluation.study import Study, checked_study, usual_settings
 from tmca.sensor import Sensor
-from tmca.specs import SensorSpec, spec_of
+from tmca.specs import SensorSpec, first_error, spec_of
 from tmca.yaml_files import read_yaml
 
 DESIGNED = "designed"
@@ -39,6 +45,8 @@ _DESIGN: dict[str, Settings] = {
     },
     "": {"camera": {"slots": 4}, "search": {"kind": "free", "slots": 4}},
 }  # fmt: skip
+_WITHOUT_PRIOR = "admm-tv"
+"""The decoder of bands for which the rendered scenes give no prior."""
 _VIEWS = (270, 480)
 """Most rows and columns of a light field that are measured where no crop is asked for."""
 
@@ -52,6 +60,7 @@ def own_study(
     decoders: Sequence[str] = (),
     crop: tuple[int, int] | None = None,
     bands: int | None = None,
+    range: tuple[float, float] | None = None,
     seeds: int = 1,
     reading: Mapping[str, Any] | None = None,
 ) -> Study:
@@ -67,13 +76,15 @@ def own_study(
         codes: names of presets, ``designed``, or files of codes or snapshots; some usual ones without.
         decoders: by their names; the usual one without.
         crop: (H, W) middle of every scene.
-        bands: of a spectral camera, nearest to even spacing from 400 to 700 nm; 12, or all of a scene with fewer.
+        bands: of a spectral camera, nearest to even spacing over the range; 12, or all of a scene with fewer.
+        range: (first, last) wavelength that bands are taken from, metres; 400 to 700 nm where all scenes cover them,
+            else what all cover, which is said.
         seeds: how many draws of codes and noise.
         reading: further entries of the camera's reading.
 
     Raises:
         SettingError: no scenes, scenes of several cameras, codes or a sensor that there are not.
-        DataError: a file that cannot be read.
+        DataError: a file that cannot be read, or scenes that have no range in common.
     """
     sources = list(named_scenes(scenes))
     if not sources:
@@ -82,11 +93,15 @@ def own_study(
     application_of(kind)
     noises = sensor if isinstance(sensor, Mapping) else {"noise-free": {}} if sensor is None else read_sensors(sensor)
     names = short_names(sources)
-    used = list(decoders) or [application_of(kind).default_decoder]
+    more = _checked_reading(kind, reading or {})
+    read = {**_reading(kind, sources, crop, bands, range, more), **more}
+    used = list(decoders) or [_default(kind, read)]
+    if kind == "spectral" and _invisible(read):
+        _check_without_rendered(used, codes)
     described: Settings = {
         **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
         "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
-        "reading": {**_reading(kind, sources, crop, bands), **(reading or {})},
+        "reading": read,
         "codes": _codes(kind, codes), "noises": noises, "seeds": seeds, "patches": 0,
         "decoders": used,
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
@@ -147,33 +162,80 @@ def _learned_from(kind: str, sources: Sequence[str], used: Sequence[str], codes:
     return left
 
 
-def _reading(kind: str, sources: Sequence[str], crop: tuple[int, int] | None, bands: int | None) -> Settings:
+def _checked_reading(kind: str, reading: Mapping[str, Any]) -> Settings:
+    """Entries of a camera's reading that are given.
+
+    Raises:
+        SettingError: one that it has not, or an impossible value.
+    """
+    model = evaluation_of(kind).Reading
+    try:
+        given = model.model_validate(dict(reading))
+    except ValidationError as error:
+        raise first_error(error, tuple(model.model_fields)) from None
+    return given.model_dump(mode="json", exclude_unset=True)
+
+
+def _reading(
+    kind: str,
+    sources: Sequence[str],
+    crop: tuple[int, int] | None,
+    bands: int | None,
+    span: tuple[float, float] | None,
+    more: Mapping[str, Any],
+) -> Settings:
     """How scenes of a camera are read."""
-    if bands is not None and kind != "spectral":
-        raise SettingError("bands", str(bands), f"none of a {kind} camera", "leave it out")
+    for name, value in (("bands", bands), ("range", span)):
+        if value is not None and kind != "spectral":
+            raise SettingError(name, str(value), f"none of a {kind} camera", "leave it out")
     if kind == "spectral":
-        least = min(_bands(source) for source in sources)
-        return {"bands": bands or least, **({} if crop is None else {"size": crop})}
+        return {**_bands(sources, bands, span or more.get("range")), **({} if crop is None else {"size": crop})}
     if kind == "light-field":
-        frame = crop or _least_frame(sources)
+        frame = crop or _least_frame(sources, more)
         return {"frame": frame, "rendered": crop or (128, 160), "crop": tuple(min(96, side) for side in frame)}
     if kind == "spectral-depth":
         return {"side": max(256, min(crop)) if crop else 256, **({} if crop is None else {"crop": crop})}
     return {} if crop is None else {"size": crop}
 
 
-def _bands(source: str) -> int:
-    """How many bands a spectral scene has."""
-    scene = application_of("spectral").read(source)
-    if "wavelength" not in scene.dims:
-        raise DataError(source, f"a scene of {', '.join(map(str, scene.dims))}", "a spectral scene")
-    return int(scene.sizes["wavelength"])
+def _bands(sources: Sequence[str], bands: int | None, asked: Any) -> Settings:
+    """Bands of spectral scenes, all that there are in the range up to 12, and the range where it is another."""
+    waves = {source: wavelengths_of(source) for source in sources}
+    span = usual_span(waves) if asked is None else (asked[0], asked[1])
+    low, high = span or VISIBLE
+    there = [np.count_nonzero((metres > low - 1e-12) & (metres < high + 1e-12)) for metres in waves.values()]
+    return {"bands": bands or max(1, min(12, *there)), **({} if span is None else {"range": span})}
 
 
-def _least_frame(sources: Sequence[str]) -> tuple[int, int]:
+def _default(kind: str, reading: Mapping[str, Any]) -> str:
+    """The usual decoder; where it would need a prior that the rendered scenes do not give, one without."""
+    return _WITHOUT_PRIOR if kind == "spectral" and _invisible(reading) else application_of(kind).default_decoder
+
+
+def _invisible(reading: Mapping[str, Any]) -> bool:
+    """Whether bands lie beyond 400 to 700 nm, where the rendered scenes have none."""
+    low, high = reading.get("range") or VISIBLE
+    return low < VISIBLE[0] - 1e-12 or high > VISIBLE[1] + 1e-12
+
+
+def _check_without_rendered(used: Sequence[str], codes: Sequence[str]) -> None:
+    """Raises SettingError for what would learn from the rendered scenes, of bands that these do not have."""
+    known = registered_decoders()
+    learning = [name for name in used if name in known and known[name].prior_kind is not None]
+    wanted = "none that learn from the rendered scenes, which have 400 to 700 nm"
+    if learning:
+        remedy = f"take {_WITHOUT_PRIOR}, another range, or a YAML study with scenes to learn from"
+        raise SettingError("decoders", ", ".join(learning), wanted, remedy)
+    if DESIGNED in codes:
+        remedy = "take another range, or the codes.nc of `tmca design spectral --range`"
+        raise SettingError("codes", DESIGNED, wanted, remedy)
+
+
+def _least_frame(sources: Sequence[str], reading: Mapping[str, Any]) -> tuple[int, int]:
     """Rows and columns that all light fields have."""
-    sizes = [application_of("light-field").read(source).sizes for source in sources]
-    return min(_VIEWS[0], *(int(one["y"]) for one in sizes)), min(_VIEWS[1], *(int(one["x"]) for one in sizes))
+    asked = Reading(reading.get("test_scale"), reading.get("pattern"), reading.get("lens"))
+    sizes = [view_size_of(source, **asked.of(source)) for source in sources]
+    return min(_VIEWS[0], *(rows for rows, _ in sizes)), min(_VIEWS[1], *(columns for _, columns in sizes))
 
 
 def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:

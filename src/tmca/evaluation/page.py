@@ -10,9 +10,11 @@ from typing import Any
 
 from tmca.applications.report import Section
 from tmca.data.scene_names import short_names
+from tmca.evaluation.camera import Place
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.study import Study, checked_study
 from tmca.evaluation.tables import (
+    MEASURED,
     Column,
     Row,
     Split,
@@ -35,7 +37,13 @@ SEARCHES: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def results(study: Study, measured: Sequence[Measured], split: Split, command: Sequence[str]) -> Row:
+def results(
+    study: Study,
+    measured: Sequence[Measured],
+    split: Split,
+    command: Sequence[str],
+    places: Sequence[Place] = (),
+) -> Row:
     """What the JSON file holds: the study, its trainings and searches, a row for every code, noise and decoder,
     the same of parts of scenes (``crop_rows``), and what the camera's evaluation adds.
 
@@ -44,9 +52,13 @@ def results(study: Study, measured: Sequence[Measured], split: Split, command: S
         measured: cells that could be measured.
         split: of the scenes.
         command: how the run was called.
+        places: where is measured: rows that lack some say so.
     """
     cells, trainings = [cell for cell in measured if "metrics" in cell], training_rows(measured)
-    whole, parts = (rows_of(study, [c for c in cells if c["part"] == part], trainings) for part in (False, True))
+    whole, parts = (
+        rows_of(study, [c for c in cells if c["part"] == part], trainings, [p for p in places if p.part == part])
+        for part in (False, True)
+    )
     names = split["names"]
     scenes: Row = {"train": [*short_names(split["train"]).values()], "test": [*names.values()],
                    "real": [names[name] for name in split["test"]], "validation": split["validation"]}  # fmt: skip
@@ -178,8 +190,9 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
     """Rows of a noise, or of parts of scenes."""
     metric, evaluation = study.evaluation.metric, study.evaluation
     heading, spec = next((heading, spec) for name, heading, spec in evaluation.columns if name == metric)
-    columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), *evaluation.columns]
-    columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in rows[0]["scenes"]]
+    columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED, *evaluation.columns]
+    scenes = dict.fromkeys(scene for row in rows for scene in row["scenes"])
+    columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in scenes]
     columns += [("throughput", "light", ".1%"), ("arrived", "in the window", ".1%")]
     columns += [("seconds", "seconds a scene", ".1f"), ("seeds", f"{heading} seed by seed", "")]
     columns += [("training_cpu_minutes", "training (CPU min)", ".1f")]
@@ -207,12 +220,14 @@ def level(row: Row, scenes: Iterable[str], name: str) -> float | None:
 
 
 def over(row: Row, base: Row, scenes: Sequence[str], study: Study) -> Row:
-    """What a row gains over another on some scenes: differences of metrics; of the metric by which codes are chosen the
-    ratio, where it is an error; seed by seed and scene by scene."""
+    """What a row gains over another on those scenes that both have: differences of metrics; of the metric by which
+    codes are chosen the ratio, where it is an error; seed by seed, where both have all, and scene by scene."""
     metric = study.evaluation.metric
     spec = "+.2f" if metric == "psnr" else ".2f"
+    scenes = [scene for scene in scenes if scene in row["scenes"] and scene in base["scenes"]]
+    whole = MEASURED[0] not in row and MEASURED[0] not in base
     pairs = zip(row.get(f"seed_{metric}", ()), base.get(f"seed_{metric}", ()), strict=False)
-    seeds = [_gain(one, other, metric) for one, other in pairs]
+    seeds = [_gain(one, other, metric) for one, other in pairs] if whole else []
     each = {scene: _gain(level(row, [scene], metric), level(base, [scene], metric), metric) for scene in scenes}
     names = [name for name, *_ in study.evaluation.columns]
     differences = {name: _difference(level(row, scenes, name), level(base, scenes, name)) for name in names}

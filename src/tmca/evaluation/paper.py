@@ -11,7 +11,7 @@ from tmca.data import read_dataset
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.page import sections, slug
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import Column, Row, grouped
+from tmca.evaluation.tables import MEASURED, Column, Row, grouped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,27 +45,35 @@ def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Pat
     stems, figures = _stems(study, found["split"]["test"]), {}
     shown = [cell for cell in measured if cell.get("estimate") and not cell["part"]]
     for (scene,), cells in grouped(shown, "scene").items():
-        figures[scene] = figure = scene_figure(study, cells)
+        figures[scene] = figure = scene_figure(study, cells, _drawn(study, found))
         for suffix in (".pdf", ".png"):
             save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
     title = study.title or f"{study.name}: codes and decoders"
     write_report(out / f"{study.name}.html", title, _page(study, found, figures), overwrite=overwrite)
 
 
-def scene_figure(study: Study, cells: Sequence[Measured]) -> Figure:
-    """Estimates of a scene side by side: a column for every code, a row for every decoder."""
+def _drawn(study: Study, found: Row) -> list[tuple[str, str]]:
+    """Code and decoder of the rows that are drawn."""
+    rows = [row for row in found["rows"] if row["noise"] == study.shown_noise]
+    shown = [row for row in rows if study.shown is None or (row["code"], row["decoder"]) in study.shown]
+    return [(row["code"], study.decoder_labels[row["decoder"]]) for row in shown]
+
+
+def scene_figure(study: Study, cells: Sequence[Measured], names: Sequence[tuple[str, str]] = ()) -> Figure:
+    """Estimates of a scene side by side: a column for every code, a row for every decoder; of ``names``, codes and
+    labels of decoders, those without an estimate are said to have failed."""
     from tmca.plots.side_by_side import side_by_side
 
     labels = study.decoder_labels
     estimates = {(cell["code"], labels[cell["decoder"]]): read_dataset(cell["estimate"], ()) for cell in cells}
-    return side_by_side(estimates, study.evaluation.truth(study, cells[0]))
+    return side_by_side(estimates, study.evaluation.truth(study, cells[0]), names)
 
 
 def summary(study: Study, found: Row) -> tuple[list[Row], list[Column]]:
     """Rows and columns of the table of codes, decoders and noises that people read first."""
     labels = study.decoder_labels
     rows = [{**row, "label": labels.get(row["decoder"], row["decoder"])} for row in found["rows"]]
-    columns: list[Column] = [("code", "code", ""), ("label", "decoder", "")]
+    columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED]
     columns += [("noise", "noise", "")] if len(study.noises) > 1 else []
     columns += [*study.evaluation.columns, ("throughput", "light", ".1%"), ("seconds", "seconds", ".1f")]
     return rows, [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
@@ -88,9 +96,11 @@ def _about(study: Study, found: Row) -> list[str]:
     learned = ", ".join(found["split"]["train"]) or "the rendered scenes that come with tmca"
     noises = "; ".join(f"{name} ({_said(values)})" for name, values in study.noises.items())
     seeds = f"{study.seeds} seeds" if study.seeds > 1 else "one seed"
+    span = study.reading.get("range")
+    bands = f" Bands from {span[0] * 1e9:g} to {span[1] * 1e9:g} nm." if span else ""
     return [
         f"{len(study.codes)} codes and {len(study.decoders)} decoders of a {study.camera} camera on "
-        f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.",
+        f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",
         f"Sensor: {noises}. Priors learn from {learned}, never from a measured scene.",
     ]
 

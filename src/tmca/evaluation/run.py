@@ -19,7 +19,15 @@ from tmca.evaluation.page import markdown, picture_names, results, write_picture
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
 from tmca.evaluation.study_parts import Code
-from tmca.evaluation.tables import Split, check_counts, check_decoders, check_new, check_weights, write_table
+from tmca.evaluation.tables import (
+    Split,
+    check_counts,
+    check_decoders,
+    check_resumed,
+    check_weights,
+    plain_columns,
+    write_table,
+)
 from tmca.lab.decoder_files import loaded
 from tmca.progress import Asked, counting
 
@@ -45,7 +53,7 @@ def run_study(
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
-        overwrite: replace results.
+        overwrite: replace results of another study; those of this one are replaced without it.
         progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.
         command: how the run was called, written into the results.
@@ -55,7 +63,7 @@ def run_study(
 
     Raises:
         SettingError: an unknown decoder, no test scenes, or sizes that do not fit.
-        OutputError: the results exist, or another process works in ``work``.
+        OutputError: there are results of another study, or another process works in ``work``.
         DataError: a scene that is missing, altered or of no use.
         CellsFailed: some cells failed; the table of the others is written.
     """
@@ -65,14 +73,15 @@ def run_study(
         check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
     train, test, validation = (list(named_scenes(scenes)) for scenes in vars(study.scenes).values())
     if not test:
-        raise SettingError("--test", "no scenes", "scenes or split files")
+        raise SettingError("test", "no scenes", "scenes or split files")
     always = study.evaluation.always_measured() if study.page else []
     for name in sorted({*test} & {*always}):
-        raise SettingError("--test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
+        raise SettingError("test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
     names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
     files += [*picture_names(study, names.values()), *paper_files(study, [*names.values()])]
-    check_new([out / name for name in files], overwrite)
+    described = study.model_dump(mode="json")
+    overwrite = check_resumed([out / name for name in files], overwrite, "study", described)
     study.evaluation.check_study(study, [*train, *validation], test)
     make_folder(out)
     with held_folder(work), counting(progress, f"study {study.name}") as report:
@@ -83,10 +92,9 @@ def run_study(
         if not any("metrics" in cell for cell in measured):
             grid.check()
         split: Split = {"train": train, "test": test, "names": names, "validation": validation}
-        found = results(study, measured, split, command) | {"failed": grid.reasons()}
+        found = results(study, measured, split, command, plan.places) | {"failed": grid.reasons()}
         rows = found["rows"]
-        columns = [name for name, value in rows[0].items() if isinstance(value, str | int | float)] if rows else []
-        write_table(found, markdown(found), rows, columns, out / study.name, overwrite)
+        write_table(found, markdown(found), rows, plain_columns(rows), out / study.name, overwrite)
         write_pictures(study, measured, out, overwrite)
         merit = study.evaluation.metric
         found = StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from tmca.applications.report import Section
 from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, split_rendered
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import load_scene
+from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, Lists, Settings
 from tmca.evaluation.cells import Check, Measurement
 from tmca.evaluation.grid import Measured
@@ -20,6 +21,7 @@ from tmca.evaluation.scenes import read_once
 from tmca.evaluation.tables import Row
 from tmca.plots.cube import bands, composites, signatures
 from tmca.sensor import Sensor
+from tmca.specs.base import Span
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,16 +30,25 @@ if TYPE_CHECKING:
     from tmca.evaluation.study import Study
 
 
+def _in_nm(value: Any) -> Any:
+    """Numbers of 1 or more are nanometres, in metres; other values as they are."""
+    several = isinstance(value, list | tuple) and all(isinstance(one, int | float) for one in value)
+    return [one * 1e-9 for one in value] if several and value and min(value) >= 1 else value
+
+
 class SpectralReading(BaseModel):
     """How cubes are read.
 
     Args:
-        bands: nearest to even spacing from 400 to 700 nm.
+        bands: nearest to even spacing over the range.
+        range: first and last wavelength that bands are taken from, metres; ``400:1000`` or [400, 1000] in nm; 400 to
+            700 nm if None.
         size: (H, W) middle of those that are measured.
     """
 
     model_config = ConfigDict(extra="forbid")
     bands: int = 12
+    range: Annotated[Span, BeforeValidator(_in_nm)] | None = None
     size: tuple[int, int] | None = None
 
 
@@ -55,13 +66,22 @@ class SpectralEvaluation(CameraEvaluation):
 
     def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
         size = reading.get("size") if measured else None
-        return read_once(load_scene, source, bands=reading["bands"], size=size and (size[0], size[1]))
+        return read_once(load_scene, source, **self.training_reading(reading), size=size and (size[0], size[1]))
 
     def rendered(self) -> Mapping[str, Sequence[str]]:
         return split_rendered()
 
     def training_reading(self, reading: Settings) -> Settings:
-        return {"bands": reading["bands"]}
+        span = reading.get("range")
+        return {"bands": reading["bands"], **({} if span is None else {"range": (span[0], span[1])})}
+
+    def check_study(self, study: Study, train: Sequence[str], test: Sequence[str]) -> None:
+        """See ``CameraEvaluation``; networks are trained on 400 to 700 nm."""
+        trained = [name for name in study.decoders if name in study.networks]
+        if trained and study.reading["range"] is not None:
+            found = f"a range for {', '.join(trained)}"
+            raise SettingError("reading.range", found, "none where a network is trained", "leave one of them out")
+        super().check_study(study, train, test)
 
     def check_point(self, camera: Settings, sensor: Settings) -> None:
         SpectralCamera(bands=2, size=(64, 64), sensor=Sensor(**sensor), **camera)

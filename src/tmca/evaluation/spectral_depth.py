@@ -210,13 +210,13 @@ class SpectralDepthEvaluation(CameraEvaluation):
         least = max(min(reading["crop"]), study.train.settings["data"]["patch"] + 2 * margin if trains else 1)
         if reading["side"] < least:
             wanted = f"at least {least} pixels, as patches with margins and --crop need"
-            raise SettingError("--side", str(reading["side"]), wanted)
-        for name, scenes in (("--train", train), ("--test", test)):
+            raise SettingError("side", str(reading["side"]), wanted)
+        for name, scenes in (("train", train), ("test", test)):
             if not scenes:
                 raise SettingError(name, "no scenes", "scenes or split files")
         both = sorted({place_of(name) for name in train} & {place_of(name) for name in test})
         if both:
-            raise SettingError("--test", f"{both[0]}, a training scene", "other scenes")
+            raise SettingError("test", f"{both[0]}, a training scene", "other scenes")
         self.check_scenes(train, test, reading)
 
     def checks(self, study: Study, cells: Sequence[Measurement], lists: Lists) -> list[Check]:
@@ -279,7 +279,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
         camera = self.build({"size": PROBE}, settings, {}, codes)
         if camera.tile_size > min(crop):
             found, known = f"{crop[0]}×{crop[1]} pixels", f"at least the {camera.tile_size} of the tile of the codes"
-            raise SettingError("--crop", found, known, "take a larger crop, or a smaller period")
+            raise SettingError("crop", found, known, "take a larger crop, or a smaller period")
         side = usual_window(camera) if window is None else window
         check_window(side, camera)
         return side

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from tmca.data import check_folder, held_folder, make_folder
+from tmca.data.files import plain
 from tmca.data.scene_names import identity_of, short_names
 from tmca.decoders import decoders
 from tmca.evaluation.axes import Point, Sweep
@@ -18,7 +19,7 @@ from tmca.evaluation.study import merged
 from tmca.evaluation.study_parts import TrainStage
 from tmca.evaluation.tables import (
     check_counts,
-    check_new,
+    check_resumed,
     markdown_table,
     means,
     not_meaningful,
@@ -83,19 +84,21 @@ def run_sweep(
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
         device: where snapshots are decoded, ``"cuda"``; the processor without.
-        overwrite: replace results.
+        overwrite: replace results of another sweep; those of this one are replaced without it.
         progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.
         command: how the run was called.
 
     Raises:
         SettingError: a combination that makes no camera.
-        OutputError: results exist, or another process works in ``work``.
+        OutputError: there are results of another sweep, or another process works in ``work``.
         DataError: a scene that cannot be used.
         CellsFailed: some cells failed; the others stay in ``work``.
     """
     out = out.with_suffix("")
-    check_new([out.with_name(f"{out.name}{suffix}") for suffix in (".json", ".csv", ".md", ".png")], overwrite)
+    files = [out.with_name(f"{out.name}{suffix}") for suffix in (".json", ".csv", ".md", ".png")]
+    described = plain(vars(sweep))
+    overwrite = check_resumed(files, overwrite, "sweep", described)
     check_counts(jobs=jobs)
     points, names = sweep.points(), short_names(sweep.scenes)
     check_folder(out.parent)
@@ -115,7 +118,7 @@ def run_sweep(
             "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
             "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
             "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
-            "train": [Path(name).name for name in sweep.learned], "rows": rows,
+            "train": [Path(name).name for name in sweep.learned], "rows": rows, "sweep": described,
         }  # fmt: skip
         _write(sweep, results, out, overwrite)
         grid.check()

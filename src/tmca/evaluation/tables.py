@@ -6,13 +6,14 @@ import subprocess  # nosec B404
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any, TypedDict
 
-from tmca.errors import OutputError, SettingError
+from tmca.errors import DataError, OutputError, SettingError
 from tmca.evaluation.grid import Measured
-from tmca.plugins import names_a_file
 
 if TYPE_CHECKING:
+    from tmca.evaluation.camera import Place
     from tmca.evaluation.study import Study
 
 Row = dict[str, Any]
@@ -53,6 +54,41 @@ def check_new(files: Iterable[Path], overwrite: bool) -> None:
             raise OutputError(file, "a file of earlier results", "none", "pass --overwrite or another --out")
 
 
+def check_resumed(files: Sequence[Path], overwrite: bool, entry: str, described: Mapping[str, Any]) -> bool:
+    """Whether earlier results are replaced: where that is asked for, and where they are of the same description.
+
+    Args:
+        files: of the results, the JSON file first.
+        overwrite: whether it is asked for.
+        entry: of the JSON file that holds the description: ``"study"``.
+        described: what is to be computed, in JSON's own types.
+
+    Raises:
+        OutputError: results of something else.
+    """
+    there = [file for file in files if file.exists()]
+    if overwrite or not there:
+        return overwrite
+    before = _described_in(files[0], entry)
+    changed = [name for name, value in described.items() if name in before and before[name] != value]
+    if before and not changed:
+        return True
+    found = f"results of another {entry}" + (f" (other {', '.join(changed)})" if changed else "")
+    remedy = "pass --overwrite to replace them, or another --out; finished cells are used again"
+    raise OutputError(there[0], found, f"none, or those of this {entry}", remedy)
+
+
+def _described_in(file: Path, entry: str) -> dict[str, Any]:
+    """What earlier results are of; nothing where it cannot be read."""
+    from tmca.attributes import NamedJson, read_json
+
+    try:
+        stored = read_json(file, NamedJson).get(entry) if file.exists() else None
+    except DataError:
+        return {}
+    return stored if isinstance(stored, dict) else {}
+
+
 def check_counts(**counts: int) -> None:
     """Raises SettingError for the first of these options that is below 1."""
     for name, value in counts.items():
@@ -62,13 +98,15 @@ def check_counts(**counts: int) -> None:
 
 def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     """Raises SettingError unless there are decoders, all of them known."""
+    from tmca.lab.decoder_files import is_file
+
     unknown = [name for name in decoders if name not in known]
-    for name in unknown:
-        if names_a_file(name):
-            remedy = f"pass --decoders {name} if you trust it"
-            raise SettingError("decoders", f"{name}, which is code", "code that the command line names", remedy)
+    if files := [name for name in unknown if is_file(name)]:
+        remedy = f"pass --decoders {quote(','.join(files))} if you trust {'it' if len(files) == 1 else 'them'}"
+        found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
+        raise SettingError("decoders", found, "code that the command line names", remedy)
     if unknown or not decoders:
-        raise SettingError("--decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
+        raise SettingError("decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
 
 
 def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None:
@@ -134,13 +172,20 @@ def training_rows(measured: Iterable[Measured]) -> list[Row]:
     ]  # fmt: skip
 
 
-def rows_of(study: Study, cells: Iterable[Measured], trainings: Sequence[Row]) -> list[Row]:
+MEASURED: Column = ("measured", "measured", "")
+"""Of a row that lacks cells: of which scenes, or of how many cells, it is the mean."""
+
+
+def rows_of(
+    study: Study, cells: Iterable[Measured], trainings: Sequence[Row], places: Sequence[Place] = ()
+) -> list[Row]:
     """A row for every code, noise and decoder: means over scenes of the means over seeds.
 
     Args:
         study: what was compared.
         cells: measurements.
         trainings: of ``training_rows``.
+        places: where is measured; rows that lack some of them say in ``measured`` what they have.
     """
     metric = study.evaluation.metric
     rows = []
@@ -153,9 +198,26 @@ def rows_of(study: Study, cells: Iterable[Measured], trainings: Sequence[Row]) -
             f"seed_{metric}": [mean([cell["metrics"][metric] for cell in part]) for _, part in seeds],
             **means({name: cell[name] for name in ("throughput", "seconds")} for cell in own),
             "training_cpu_minutes": _training_minutes(study, code, decoder, trainings),
-            **study.evaluation.row(own),
+            **study.evaluation.row(own), **_lacking(study, own, places),
         })  # fmt: skip
     return rows
+
+
+def _lacking(study: Study, own: Sequence[Measured], places: Sequence[Place]) -> Row:
+    """What the cells of a row are of all that it should have; nothing of a row that has all."""
+    code, decoder = own[0]["code"], own[0]["decoder"]
+    learns = decoder in study.networks or study.codes[code].learn is not None
+    seeds = len(study.all_seeds if learns else study.seeds_of(decoder))
+    scenes = {place.scene for place in places if place.takes(study.prior_kind(decoder))}
+    there, wanted = {cell["scene"] for cell in own}, len(scenes) * seeds
+    said = [f"{len(there)} of {len(scenes)} scenes"] if scenes - there else []
+    said += [f"{len(own)} of {wanted} cells"] if len(own) < len(there) * seeds and places else []
+    return {MEASURED[0]: ", ".join(said)} if said else {}
+
+
+def plain_columns(rows: Iterable[Row]) -> list[str]:
+    """Names of all that rows have that is a number or a word."""
+    return list(dict.fromkeys(n for row in rows for n, value in row.items() if isinstance(value, str | int | float)))
 
 
 def _training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:

@@ -16,14 +16,12 @@ from tmca.decoders.registry import DECODERS, register
 from tmca.errors import SettingError
 from tmca.lab.checked_graph import CheckedProgram, load_program
 from tmca.lab.deploy import DESCRIPTION, Description, check_camera, read_description
-from tmca.plugins import class_from_file, names_a_file
+from tmca.plugins import class_from_file, file_of, names_a_file
 
 _LOADED: dict[str, str] = {}
 """Name of a decoder that was loaded in this process → how it was named, with the whole path."""
-
-
-_FILES: dict[type[Any], Path] = {}
-"""Files of the classes of one's own."""
+_UNNAMED: set[type[Any]] = set()
+"""Classes of one's own that do not say their name."""
 
 
 class ExportedDecoder(Decoder):
@@ -51,7 +49,7 @@ def is_file(text: str) -> bool:
     return names_a_file(text) or text.endswith(".pt2")
 
 
-def decoder_named(text: str, where: str = "decoder") -> str:
+def decoder_named(text: str, where: str = "decoder", name: str = "") -> str:
     """Name of a decoder, which is registered: its own, or that of a file, which is loaded now.
 
     This runs the code of ``FILE.py:Class``: call it with what somebody typed, never with what was read.
@@ -59,6 +57,7 @@ def decoder_named(text: str, where: str = "decoder") -> str:
     Args:
         text: a name, ``FILE.py:Class`` or ``FILE.pt2``.
         where: the option, for errors.
+        name: of a decoder of a file that does not say its own, in the place of its class's or its file's.
 
     Raises:
         SettingError: no such class, one that is no decoder, or one of a name that is taken.
@@ -66,58 +65,87 @@ def decoder_named(text: str, where: str = "decoder") -> str:
     """
     if not is_file(text):
         return text
-    cls = _own(text, where) if names_a_file(text) else _exported(Path(text), where)
-    path, colon, own = text.partition(".py:")
-    _LOADED[cls.name] = f"{Path(f'{path}.py' if colon else path).expanduser().resolve()}{colon[3:]}{own}"
+    cls = _own(text, where, name) if names_a_file(text) else _exported(Path(text), where, name)
+    _LOADED[cls.name] = place_of(text)
     return str(cls.name)
 
 
+def place_of(text: str) -> str:
+    """``FILE.py:Class`` or ``FILE.pt2`` with the whole path; a name as it is."""
+    if not is_file(text):
+        return text
+    path, colon, own = text.rpartition(":") if names_a_file(text) else (text, "", "")
+    return f"{Path(path).expanduser().resolve()}{colon}{own}"
+
+
 def decoders_named(texts: str, where: str = "decoders") -> list[str]:
-    """Names of decoders that are separated by commas; see ``decoder_named``.
+    """Names of decoders that are separated by commas; see ``names_of``."""
+    return [*names_of([text.strip() for text in texts.split(",") if text.strip()], where).values()]
+
+
+def names_of(texts: Iterable[str], where: str = "decoders") -> dict[str, str]:
+    """What was typed → name of the decoder, see ``decoder_named``; those of files that would have one name have that of
+    the file, or of its folder and the file, in front of it.
 
     Raises:
         SettingError: a decoder twice; what ``decoder_named`` refuses.
     """
-    names = [decoder_named(text.strip(), where) for text in texts.split(",") if text.strip()]
-    for name in names:
-        if names.count(name) > 1:
-            raise SettingError(where, f"{name} twice", "each decoder once", "leave one out")
-    return names
+    asked = list(texts)
+    places = [place_of(text) for text in asked]
+    for text, place in zip(asked, places, strict=True):
+        if places.count(place) > 1:
+            raise SettingError(where, f"{text} twice", "each decoder once", "leave one out")
+    plain = {text: decoder_named(text, where) for text in asked}
+    clashing = [text for text in asked if [*plain.values()].count(plain[text]) > 1 and is_file(text)]
+    for parts in (1, 2):
+        longer = {text: "-".join((*_before(text)[-parts:], plain[text])) for text in clashing}
+        if len({*longer.values()}) == len(longer):
+            break
+    named = plain | {text: decoder_named(text, where, longer[text]) for text in clashing}
+    for text, name in named.items():
+        if [*named.values()].count(name) > 1:
+            raise SettingError(where, f"{name} twice, once as {text}", "decoders of different names", "rename a file")
+    return named
 
 
-def loaded(names: Iterable[str]) -> tuple[str, ...]:
+def _before(text: str) -> list[str]:
+    """Folder and file that tell decoders of one name apart: a program is called by its file already."""
+    path = Path(place_of(text).rpartition(":")[0] if names_a_file(text) else place_of(text))
+    return [path.parent.name, path.stem] if names_a_file(text) else [path.parent.parent.name, path.parent.name]
+
+
+def loaded(names: Iterable[str]) -> dict[str, str]:
     """Of decoders by their names, how those of files are named, for processes that are to load them too."""
-    return tuple(_LOADED[name] for name in names if name in _LOADED)
+    return {name: _LOADED[name] for name in names if name in _LOADED}
 
 
-def file_of(cls: type[Any]) -> Path | None:
-    """The file that a class of one's own was loaded from; None of other classes."""
-    return _FILES.get(cls)
-
-
-def _own(text: str, where: str) -> type[Decoder]:
+def _own(text: str, where: str, name: str) -> type[Decoder]:
     """A class of a file; its name is that of the class, and it is for all cameras, where it does not say."""
     cls = class_from_file(text, Decoder, where)
     own = vars(cls)
-    if "name" not in own:  # one that it inherits is another decoder's
-        cls.name = cls.__name__
-    if "label" not in own:
+    if "name" not in own or cls in _UNNAMED:  # one that it inherits is another decoder's
+        _UNNAMED.add(cls)
+        cls.name, before = name or cls.__name__, own.get("name")
+        if "label" not in own or cls.label == before:
+            cls.label = cls.name
+    elif "label" not in own:
         cls.label = cls.name
     if not hasattr(cls, "cameras"):
         cls.cameras = _all()
-    if DECODERS.get(cls.name) in _FILES:  # of another file, that was named before
+    for known in [known for known, other in DECODERS.items() if other is cls]:
+        DECODERS.pop(known)
+    if cls.name in DECODERS and file_of(DECODERS[cls.name]):  # of another file, that was named before
         DECODERS.pop(cls.name)
     register(cls)
-    _FILES[cls] = Path(text.rpartition(":")[0]).expanduser().resolve()
     return cls
 
 
-def _exported(path: Path, where: str) -> type[Decoder]:
+def _exported(path: Path, where: str, name: str) -> type[Decoder]:
     """A decoder that computes an exported program, named after its file."""
     if not path.is_file():
         raise SettingError(where, f"{path}, which is no file", "a file of `tmca decoder export`")
     about = read_description(path.parent) if (path.parent / DESCRIPTION).is_file() else None
-    name = path.stem if about is None else path.resolve().parent.name
+    name = name or (path.stem if about is None else path.resolve().parent.name)
     parts = {"name": name, "label": name, "cameras": _all(), "about": about, "program": load_program(path)}
     return type(name, (ExportedDecoder,), {**parts, "file": str(path), "__doc__": ExportedDecoder.__doc__})
 

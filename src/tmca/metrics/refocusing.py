@@ -67,13 +67,13 @@ def disparity_range(light_field: Any, disparity: Any = None) -> tuple[float, flo
         disparity: ``(H, W)``, where it is known.
     """
     views = _grey(light_field)
-    scale = 1 if disparity is not None else max(1, round(min(views.shape[2:]) / _LOOKED_AT))
-    small = _smaller(views, scale)
-    textured = _textured(small)
-    if not textured.any():
+    if disparity is None:
+        seen = _seen(views, _scale(views, _LOOKED_AT))
+    else:
+        seen = np.asarray(disparity)[_textured(views)]
+    if not seen.size:
         return None
-    seen = scale * match_views(small)[0] if disparity is None else np.asarray(disparity)
-    low, high = (float(end) for end in np.quantile(seen[textured], (0.05, 0.95)))
+    low, high = (float(end) for end in np.quantile(seen, (0.05, 0.95)))
     return low, high
 
 
@@ -83,15 +83,26 @@ def _search_limits(light_field: Array) -> tuple[float, float]:
     What is nearer or farther than almost everything with texture is cut off.
     """
     views = _grey(light_field)
-    scale = max(1, round(min(views.shape[2:]) / _SEARCHED))
-    small = _smaller(views, scale)
-    textured = _textured(small)
-    if scale == 1 or not textured.any():
+    scale = _scale(views, _SEARCHED)
+    seen = _seen(views, scale) if scale > 1 else np.empty(0)
+    if not seen.size:
         return -4.0 * scale, 4.0 * scale
-    found = scale * match_views(small)[0][textured]
-    low, high = (float(end) for end in np.quantile(found, (0.002, 0.998)))
+    low, high = (float(end) for end in np.quantile(seen, (0.002, 0.998)))
     wider = max(_SPREAD, (_LEAST - (high - low)) / 2)
     return low - wider, high + wider
+
+
+def _scale(views: Array, side: int) -> int:
+    """Pixels per axis that are averaged into one for views of about ``side`` pixels."""
+    return max(1, round(min(views.shape[2:]) / side))
+
+
+def _seen(views: Array, scale: int) -> Array:
+    """Disparities, px per view step, of all that has texture, from views that are made smaller."""
+    small = _smaller(views, scale)
+    textured = _textured(small)
+    found: Array = scale * match_views(small)[0][textured] if textured.any() else np.empty(0)
+    return found
 
 
 def _grey(light_field: Any) -> Array:

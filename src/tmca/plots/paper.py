@@ -24,6 +24,20 @@ _GAP, _NAMES, _CURVES, _AXIS = 1.0, 4.2, 27.0, 11.0
 """Millimetres between pictures, beside them for the names of rows, of curves and of the numbers at their axes."""
 _NARROWEST, _TICK = 40.0, 12.0
 """Millimetres of curves at least, and between the numbers below them."""
+_HEAD, _BAR, _BAR_INSET, _BAR_STEP = 1.0, 2.0, 3.5, 8.5
+"""Millimetres above a block; of a colour bar's height, beside it, and from its top to the text's second line."""
+_LEGEND_LINE, _BELOW, _RIGHT = 12.0, 9.0, 2.5
+"""Millimetres of a line and the spaces of a name in the legend, of the numbers below curves, and right of these."""
+_FEWEST_LETTERS = 6
+"""Letters of a line of a heading, at least."""
+_LOOSE, _CLOSE = 0.5, 1.05
+"""Width of lines of axes, points, and distance of lines of text."""
+_TRUTH, _THIN = 1.4, 0.9
+"""Width of the curve of the truth and of the others, points."""
+_CORNER = (0.025, 0.965)
+"""Share of a picture's width and height where its text begins."""
+_AT_EDGE = 0.85
+"""Share of the width behind which the number of a point stands at its left."""
 _WIDE, _MOST = 3, 6
 """Pictures beside each other in a column, and in a page."""
 _LINES = ("#00798c", "#d1495b", "#edae49", "#66a182", "#8d6a9f", "#8c564b", "#17becf", "#7f7f7f")
@@ -95,22 +109,24 @@ class Panels:
         truth: pictures of the truth; none where it is not known.
         scales: of the maps, by their names.
         curves: below all.
+        names: (name of the column, name of the row) of all places, in their order; those of the estimates without.
     """
 
     estimates: Mapping[tuple[str, str], Sequence[Picture]]
     truth: Sequence[Picture] = ()
     scales: Mapping[str, Scale] = field(default_factory=dict)
     curves: Sequence[Curves] = ()
+    names: Sequence[tuple[str, str]] = ()
 
     @property
     def columns(self) -> list[str]:
         """Names of the columns."""
-        return list(dict.fromkeys(column for column, _ in self.estimates))
+        return list(dict.fromkeys(column for column, _ in self.names or self.estimates))
 
     @property
     def rows(self) -> list[str]:
         """Names of the rows."""
-        return list(dict.fromkeys(row for _, row in self.estimates))
+        return list(dict.fromkeys(row for _, row in self.names or self.estimates))
 
 
 def paper_figure(panels: Panels) -> Figure:
@@ -121,7 +137,7 @@ def paper_figure(panels: Panels) -> Figure:
     """
     from matplotlib import rc_context
 
-    with rc_context({"font.size": POINTS, "axes.linewidth": 0.5}):
+    with rc_context({"font.size": POINTS, "axes.linewidth": _LOOSE}):
         return _Sheet(panels).drawn()
 
 
@@ -147,13 +163,13 @@ class _Sheet:
         from matplotlib.figure import Figure
 
         legend = self._legend_lines()
-        below = (_CURVES + _LINE * (legend + 2) + 9.0) if self.panels.curves else 0.0
+        below = (_CURVES + _LINE * (legend + 2) + _BELOW) if self.panels.curves else 0.0
         tall = sum(self.heights) + _GAP * len(self.heights)
-        self.height = sum(_LINE * head + 1 + tall * len(self.panels.rows) for head in self.heads) + below + _GAP
+        self.height = sum(_LINE * head + _HEAD + tall * len(self.panels.rows) for head in self.heads) + below + _GAP
         self.figure = Figure(figsize=(self.width / _INCH, self.height / _INCH))
         top = 0.0
         for block, head in zip(self.blocks, self.heads, strict=True):
-            top += _LINE * head + 1
+            top += _LINE * head + _HEAD
             self._block(block, top)
             if self.panels.truth and block == self.blocks[0]:
                 self._truth(top)
@@ -169,7 +185,7 @@ class _Sheet:
 
     def text(self, left: float, top: float, text: str, **how: Any) -> None:
         """Text whose middle of the lower side is in a place."""
-        look = {"ha": "center", "va": "bottom", "fontsize": POINTS, "linespacing": 1.05, **how}
+        look = {"ha": "center", "va": "bottom", "fontsize": POINTS, "linespacing": _CLOSE, **how}
         self.figure.text(left / self.width, 1 - top / self.height, text, **look)
 
     def _left(self, column: int) -> float:
@@ -177,7 +193,7 @@ class _Sheet:
         return column * (self.side + _GAP) + (self.names if column >= self.first else 0.0) + _GAP / 2
 
     def _wrapped(self, name: str) -> list[str]:
-        return textwrap.wrap(name, max(6, int(self.side / _LETTER))) or [""]
+        return textwrap.wrap(name, max(_FEWEST_LETTERS, int(self.side / _LETTER))) or [""]
 
     def _head(self, column: int, top: float, name: str) -> None:
         self.text(self._left(column) + self.side / 2, top - 0.6, "\n".join(self._wrapped(name)))
@@ -213,27 +229,27 @@ class _Sheet:
             if picture.text:
                 place: dict[str, Any] = {"ha": "left", "va": "top", "transform": axis.transAxes}
                 box = {"facecolor": "black", "alpha": 0.55, "edgecolor": "none", "pad": 0.8}
-                axis.text(0.025, 0.965, picture.text, color="white", fontsize=POINTS, bbox=box, **place)
+                axis.text(*_CORNER, picture.text, color="white", fontsize=POINTS, bbox=box, **place)
             top += height + _GAP
         return top
 
     def _truth(self, top: float) -> None:
         """The truth, and below it the colour bars."""
         self._head(0, top, "truth")
-        below, inner = self._stack(self.panels.truth, self._left(0), top) + 1, self.side - 7.0
+        below, inner = self._stack(self.panels.truth, self._left(0), top) + 1, self.side - 2 * _BAR_INSET
         for scale in self.panels.scales.values():
-            axis = self.axes(self._left(0) + 3.5, below, inner, 2.0)
+            axis = self.axes(self._left(0) + _BAR_INSET, below, inner, _BAR)
             axis.imshow(np.linspace(0, 1, 256)[None], aspect="auto", cmap=scale.colours, extent=(0, 1, 0, 1))
             axis.set_yticks([])
             axis.set_xticks([0, 1], [f"{scale.low:.2g}", f"{scale.top:.2g}"], fontsize=POINTS)
             axis.tick_params(length=1.5, width=0.5, pad=1)
             label = textwrap.fill(scale.label, max(8, int(self.side / _LETTER)))
-            axis.set_xlabel(label, fontsize=POINTS, labelpad=1, linespacing=1.05)
-            below += 8.5 + _LINE * label.count("\n") + _LINE
+            axis.set_xlabel(label, fontsize=POINTS, labelpad=1, linespacing=_CLOSE)
+            below += _BAR_STEP + _LINE * label.count("\n") + _LINE
 
     def _legend_columns(self) -> int:
         names = self.panels.curves[0].lines
-        return max(1, int(self.width / (max(map(len, names)) * _LETTER + 12)))
+        return max(1, int(self.width / (max(map(len, names)) * _LETTER + _LEGEND_LINE)))
 
     def _legend_lines(self) -> int:
         return -(-len(self.panels.curves[0].lines) // self._legend_columns()) if self.panels.curves else 0
@@ -242,10 +258,10 @@ class _Sheet:
         """Curves side by side, and one legend for all."""
         each = self.width / len(self.curves)
         for number, curves in enumerate(self.curves):
-            axis = self.axes(number * each + _AXIS, top, each - _AXIS - 2.5, _CURVES)
+            axis = self.axes(number * each + _AXIS, top, each - _AXIS - _RIGHT, _CURVES)
             for place, (name, values) in enumerate(curves.lines.items()):
-                look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": 0.9}
-                look |= {"color": "black", "linewidth": 1.4} if name == "truth" else {}
+                look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": _THIN}
+                look |= {"color": "black", "linewidth": _TRUTH} if name == "truth" else {}
                 axis.plot(curves.x, values, label=name, **look)
             axis.set_title(curves.title, fontsize=POINTS, pad=2)
             axis.set_xlabel(curves.labels[0], fontsize=POINTS, labelpad=1)
@@ -279,7 +295,7 @@ def _mark(axis: Axes, row: int, column: int, name: str) -> None:
     axis.plot(column, row, "o", markersize=2.5, markerfacecolor="white", markeredgecolor="black", markeredgewidth=0.5)
     box = {"facecolor": "black", "alpha": 0.45, "edgecolor": "none", "pad": 0.4}
     how: dict[str, Any] = {"textcoords": "offset points", "fontsize": POINTS, "color": "white", "bbox": box}
-    at_edge = column > 0.85 * axis.get_xlim()[1]
+    at_edge = column > _AT_EDGE * axis.get_xlim()[1]
     axis.annotate(
         name, (column, row), xytext=(-3, 1.5) if at_edge else (3, 1.5), ha="right" if at_edge else "left", **how
     )

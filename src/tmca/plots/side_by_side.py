@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,22 +31,28 @@ _AVERAGED = ("frame", "slot")
 """Axes of time, over which an estimate is shown as its mean."""
 
 
-def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None) -> Figure:
+def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None, names: Sequence[Name] = ()) -> Figure:
     """Estimates of one scene in a figure for a paper, beside the truth with error maps and PSNR where it is known.
 
     Args:
         estimates: (name of the column, name of the row) → as `Estimate.to_xarray` labels it; all of one shape.
         truth: the scene, brought to the camera: its radiance, or with its depth.
+        names: all that have a place, in their order; in the places of those without an estimate stands that it failed.
     """
+    return paper_figure(replace(_panels(estimates, truth), names=names))
+
+
+def _panels(estimates: Mapping[Name, xr.Dataset], truth: Any) -> Panels:
+    """What is drawn of a kind of scene."""
     still = {name: one.mean([axis for axis in _AVERAGED if axis in one.dims]) for name, one in estimates.items()}
     first = next(iter(estimates.values()))
     if "depth" in first:
-        return paper_figure(_with_depth(still, truth, first.attrs))
+        return _with_depth(still, truth, first.attrs)
     values = {name: one["estimate"].values for name, one in still.items()}
     real = None if truth is None else np.asarray(getattr(truth, "values", truth))
     if "wavelength" in first["estimate"].dims:
-        return paper_figure(_cubes(values, real, first["estimate"]["wavelength"].values.tolist()))
-    return paper_figure(_views(values, real) if "view_v" in first["estimate"].dims else _others(values, real))
+        return _cubes(values, real, first["estimate"]["wavelength"].values.tolist())
+    return _views(values, real) if "view_v" in first["estimate"].dims else _others(values, real)
 
 
 def what_differs(estimates: Sequence[xr.Dataset], truths: Sequence[Any]) -> str:

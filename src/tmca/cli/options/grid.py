@@ -26,7 +26,7 @@ class GridOptions:
     device: Annotated[str | None, Parameter(group=_GRID)] = None
     "Where snapshots are decoded: cpu, cuda or cuda:1. Finished cells stay as they are."
     overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
-    "Replace results that exist."
+    "Replace results of something else; without it, the same command resumes and computes only what is missing."
     json: Annotated[bool, Parameter(group=_GRID, negative="")] = False
     "Print the results as JSON."
     markdown: Annotated[bool, Parameter(group=_GRID, negative="")] = False

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Overwrite = Annotated[bool, Parameter(help="Replace what exists.")]
 Json = Annotated[bool, Parameter(help="Print JSON instead of text.")]
+_AS_MARKDOWN = "Print tables as Markdown in a terminal too, as they are printed into files and pipes."
+Markdown = Annotated[bool, Parameter(help=_AS_MARKDOWN)]
 Figure = Annotated[Path | None, Parameter(help="Write a picture (PNG).")]
 """Options of many commands."""
 
