@@ -28,9 +28,9 @@ def wavelengths_of(
     """
     if is_rendered(source):
         return checked_wavelengths(None)
+    refuse_rgbd(source)
     if not Path(source).exists() and not Path(source).suffix:
         raise no_such_scene(source)
-    refuse_rgbd(source)
     with open_contents(source) as contents:
         views = find_light_field(contents, variable)
         if views is not None:
