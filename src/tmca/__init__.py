@@ -63,6 +63,7 @@ _ROOMS = (
     "design",
     "errors",
     "evaluation",
+    "lab",
     "metrics",
     "operators",
     "optics",
