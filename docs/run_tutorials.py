@@ -86,7 +86,7 @@ def _shown(printed: str, value: Any) -> tuple[str, bytes | None]:
     elif pyplot.get_fignums():
         picture = _png(pyplot.gcf())
     elif value is not None:
-        printed += repr(value)
+        printed += value.to_string() if hasattr(value, "to_string") else repr(value)
     pyplot.close("all")
     return printed.rstrip(), picture
 

@@ -80,8 +80,8 @@ calibration
 calibration.plot("registration")
 
 # %% [markdown]
-# Where did it find the mask? The truth is 0.3 pixels in both directions. Every step also says how well it fits:
-# `quality` is 1 or less where the captures were good.
+# Where does the calibration see the mask? The truth is 0.3 pixels in both directions; columns also have the 6 pixels by
+# which the prism moves the light of this step. `quality` is 1 or less where the captures of a step were good.
 
 # %%
 print("rows and columns:", calibration.part("registration").matrix[:, 2].round(2))

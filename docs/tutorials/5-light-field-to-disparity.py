@@ -56,7 +56,7 @@ estimate.plot(truth=scene)
 # Near things move more from view to view. `maps` holds the disparity in pixels per view step (positive is nearer than
 # the plane in focus), how clear it is, and a photograph with everything in focus.
 
-# %%
+# %% tags=["picture"]
 maps = estimate.maps
 maps["disparity"].plot(yincrease=False, cmap="viridis", aspect=1.4, size=3)
 
@@ -78,7 +78,7 @@ print(f"mean error: {error[sure].mean():.2f} px where it is clear, {error[~sure]
 #
 # From far to near. Each photograph is the mean of all views, moved by the disparity that shall be sharp.
 
-# %%
+# %% tags=["picture"]
 photographs = tmca.refocus(estimate, [-1.5, 0.0, 1.5])
 grid = photographs.plot(col="disparity", cmap="gray", yincrease=False, aspect=1.2, size=2.6)
 grid.fig.savefig("refocused.png", dpi=120)

@@ -71,7 +71,7 @@ table[["range_m", "range_m_std", "length_m", "length_m_std", "velocity_m_s", "ve
 # A row for each signal. Left is the matched filter of the estimated waveform, right the dual polynomial: it is one where
 # there is a target or a path. Circles are the truth, crosses the estimate.
 
-# %%
+# %% tags=["picture"]
 recovery.plot()
 
 # %% [markdown]

@@ -74,8 +74,12 @@ def aperture_changed(name: str, changes: Mapping[str, Any]) -> DeviceDescription
     return device_named(name, **changes) if plain.plane == "aperture" else plain
 
 
-def exported_snapshot(folder: Path, manifest: Mapping[str, Any]) -> Snapshot[Any]:
+def exported_snapshot(manifest: Mapping[str, Any], where: str = "snapshot") -> Snapshot[Any]:
     """The snapshot file that an export was made from, which says its camera.
+
+    Args:
+        manifest: of the export.
+        where: what names another one.
 
     Raises:
         SettingError: the export was made from codes alone, or from a file that is gone.
@@ -84,7 +88,7 @@ def exported_snapshot(folder: Path, manifest: Mapping[str, Any]) -> Snapshot[Any
     stored = source.suffix in (".nc", ".h5") and source.is_file()
     if not stored or "snapshot" not in read_dataset(source):
         found = f"an export of {source}, which {'says codes alone' if source.exists() else 'is not found'}"
-        raise SettingError("--like", found, "the snapshot file of its camera", "write one with `tmca simulate`")
+        raise SettingError(where, found, "the snapshot file of its camera", "write one with `tmca simulate`")
     return Snapshot.load(source)
 
 
@@ -144,7 +148,7 @@ class Bench(Summary):
     ) -> None:
         self.folder, self.name, self.timeout = Path(folder), device, timeout
         self.manifest = check_export(self.folder)
-        self.camera: Camera = (snapshot or exported_snapshot(self.folder, self.manifest)).camera
+        self.camera: Camera = (snapshot or exported_snapshot(self.manifest)).camera
         check_camera(self.folder, self.camera)
         self.simulated = device == SIMULATED
         faults = hardware or Hardware()

@@ -104,7 +104,7 @@ class BenchOptions:
 
         if self.like is not None:
             return Snapshot.load(self.like)
-        return exported_snapshot(export, named_export(export))
+        return exported_snapshot(named_export(export), "--like")
 
 
 def _driver_settings(texts: list[str]) -> dict[str, str]:
