@@ -1,4 +1,4 @@
-"""Runs the tutorials as a notebook does. `python docs/run_tutorials.py` keeps what their pages show of it."""
+"""Runs the tutorials as a notebook does. `python docs/run_tutorials.py [NAME…]` keeps what their pages show of it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import ast
 import hashlib
 import json
 import os
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import chdir, redirect_stdout
@@ -97,12 +98,12 @@ def _png(figure: Any) -> bytes:
     return drawn.getvalue()
 
 
-def main() -> None:
-    """Runs all of them; writes `OUTPUTS`, and pictures of the tagged cells."""
+def main(beginnings: list[str]) -> None:
+    """Runs those whose names begin so, or all; writes `OUTPUTS`, and pictures of the tagged cells."""
     from PIL import Image
 
-    kept = {}
-    for script in SCRIPTS:
+    kept = json.loads(OUTPUTS.read_text()) if OUTPUTS.exists() else {}
+    for script in (one for one in SCRIPTS if not beginnings or one.name.startswith(tuple(beginnings))):
         with tempfile.TemporaryDirectory() as folder, chdir(folder):
             outputs = list(run(script))
         shown = [n for n, cell in enumerate(cells(script)) if SHOWN in cell.metadata.get("tags", ())]
@@ -115,8 +116,8 @@ def main() -> None:
         texts = {output.number: output.text for output in outputs if output.text}
         kept[script.stem] = {"code": digest(script), "texts": texts}
         print(script.name)
-    OUTPUTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n")
+    OUTPUTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False, sort_keys=True) + "\n")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

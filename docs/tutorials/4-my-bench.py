@@ -49,7 +49,7 @@ patterns.plot()
 # `device="my_bench.py:MyBench"`, a class of your own with four short methods.
 
 # %%
-bench = lab.Bench("patterns", hardware=lab.Hardware(misregistration=0.3))
+bench = lab.Bench("patterns", hardware=tmca.cameras.Hardware(misregistration=0.3))
 bench
 
 # %% [markdown]

@@ -31,7 +31,7 @@ def test_a_bench_captures_what_the_engine_does(tmp_path, camera, hardware):
     frames = capture(export, engine, tmp_path / "other", gain=None, repeats=2, camera=camera)
     wanted = joined(frames, export, camera)
     assert torch.equal(taken.values, wanted.values)
-    assert taken.notes["gain"] == wanted.notes["gain"]
+    assert taken.notes.keys() - {"scene"} == wanted.notes.keys() - {"scene"}
 
 
 def test_a_scene_has_any_form_and_another_one_is_refused(tmp_path, camera):

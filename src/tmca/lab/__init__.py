@@ -6,7 +6,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tmca.cameras import Hardware
     from tmca.lab.bench import Bench, export
     from tmca.lab.calibration.apply import calibrated_snapshot
     from tmca.lab.calibration.file import Calibration, load_calibration
@@ -16,13 +15,12 @@ _HOMES = {
     "Bench": "tmca.lab.bench",
     "Calibration": "tmca.lab.calibration.file",
     "Export": "tmca.lab.display.export",
-    "Hardware": "tmca.cameras",
     "calibrated_snapshot": "tmca.lab.calibration.apply",
     "export": "tmca.lab.bench",
     "load_calibration": "tmca.lab.calibration.file",
 }
 
-__all__ = ["Bench", "Calibration", "Export", "Hardware", "calibrated_snapshot", "export", "load_calibration"]
+__all__ = ["Bench", "Calibration", "Export", "calibrated_snapshot", "export", "load_calibration"]
 
 
 def __getattr__(name: str) -> Any:
