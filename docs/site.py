@@ -20,6 +20,7 @@ from mkdocs.structure.files import File, Files
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(Path(__file__).parent))  # the hook is loaded by its file
 import run_tutorials as tutorials  # noqa: E402
+
 TEXTS = {
     "index.md": "README.md",
     "contributing.md": "CONTRIBUTING.md",
@@ -135,14 +136,17 @@ def tutorial(script: Path) -> str:
         picture = tutorials.picture_of(script, number)
         if picture.exists():
             parts.append(f"![What this cell draws]({picture.name})")
-    download = f"[Download this page as a notebook]({script.stem}.ipynb){{ download="" }}, or copy its cells one by one."
-    parts.insert(1, download)
+    parts.insert(1, f"[Download this page as a notebook]({script.stem}.ipynb){{ download='' }}.")
     return "\n\n".join(parts) + "\n"
 
 
 def notebook(script: Path) -> str:
-    """A tutorial for Jupyter; its links lead to the pages beside it."""
-    return jupytext.writes(jupytext.read(script, fmt="py:percent"), fmt="ipynb")
+    """A tutorial for Jupyter; its links lead to notebooks and pages of the site beside it."""
+    book = jupytext.read(script, fmt="py:percent")
+    for cell in book.cells:
+        if cell.cell_type == "markdown":
+            cell.source = re.sub(r"\.md\)", ".html)", re.sub(r"\.py\)", ".ipynb)", cell.source))
+    return jupytext.writes(book, fmt="ipynb")
 
 
 def python(room: str) -> str:

@@ -39,7 +39,8 @@ drawn.save("drawn.nc", overwrite=True)
 # folder holds a picture for each device and slot, and a manifest with times and checksums.
 
 # %% tags=["picture"]
-patterns = lab.export("drawn.nc", ["dli4120", "coded-exposure"], "patterns", macro_pixel=4, overwrite=True)
+devices = ["dli4120", "coded-exposure"]
+patterns = lab.export("drawn.nc", devices, "patterns", macro_pixel=4, overwrite=True)
 patterns.plot()
 
 # %% [markdown]

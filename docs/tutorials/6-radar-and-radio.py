@@ -26,11 +26,19 @@
 # metres, velocities in metres a second, away from the receiver positive.
 
 # %%
+import warnings
+
 from tmca import dbd
 
 scenario = dbd.Scenario(
-    targets=[dbd.Target(range_m=60, velocity_m_s=10), dbd.Target(range_m=150, velocity_m_s=-35, gain=0.7)],
-    paths=[dbd.Path(length_m=90, velocity_m_s=5), dbd.Path(length_m=240, velocity_m_s=-12)],
+    targets=[
+        dbd.Target(range_m=60, velocity_m_s=10),
+        dbd.Target(range_m=150, velocity_m_s=-35, gain=0.7),
+    ],
+    paths=[
+        dbd.Path(length_m=90, velocity_m_s=5),
+        dbd.Path(length_m=240, velocity_m_s=-12),
+    ],
     snr_db=20,
 )
 scenario
@@ -59,11 +67,11 @@ recovery
 
 # %%
 table = recovery.to_pandas().set_index("name")
-table[["range_m", "range_m_std", "length_m", "length_m_std", "velocity_m_s", "velocity_m_s_std", "power_db"]].round(2)
+table[["range_m", "length_m", "velocity_m_s", "velocity_m_s_std", "power_db"]].round(2)
 
 # %% [markdown]
-# The columns that end in `_std` are one standard deviation: the Cramér–Rao bound at the noise of the samples. Targets
-# have a range, paths a length. The weaker car has −3 dB.
+# Targets have a range, paths a length. The weaker car has −3 dB. Columns that end in `_std` are one standard deviation:
+# the Cramér–Rao bound at the noise of the samples. The table has them for range and length too.
 
 # %% [markdown]
 # ## Look at it
@@ -80,7 +88,7 @@ recovery.plot()
 # %%
 score = recovery.score()
 print(f"largest error of a normalised delay or Doppler: {score.max_error:.1e}")
-print(f"unexplained: {100 * recovery.unexplained:.1f} % of the energy, noise included; found: {recovery.found}")
+print(f"found: {recovery.found}, unexplained: {100 * recovery.unexplained:.1f} %")
 
 # %% [markdown]
 # ## When something is wrong
@@ -90,8 +98,6 @@ print(f"unexplained: {100 * recovery.unexplained:.1f} % of the energy, noise inc
 # paths explain the samples no better than any basis would, and `doubt` says why.
 
 # %%
-import warnings
-
 small = dbd.simulate(M=13, P=9, J=3, targets=2, paths=2, seed=1, snr_db=20)
 swapped = dbd.Problem(small.y.conj(), small.sources, small.sigma)
 with warnings.catch_warnings():

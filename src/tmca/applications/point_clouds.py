@@ -126,7 +126,9 @@ def _depth(scene: xr.Dataset, focal: float, of_views: Mapping[str, float | None]
     if "depth" in scene:
         for name, value in of_views.items():
             if value is not None:
-                raise SettingError(name, f"{value:g}", "none: the scene has depth and is no light field", "leave it out")
+                raise SettingError(
+                    name, f"{value:g}", "none: the scene has depth and is no light field", "leave it out"
+                )
         return np.asarray(scene["depth"].values)
     for name, value in of_views.items():
         check_range(f"{name} of the light field", 0.0 if value is None else value, above=0, unit="m")

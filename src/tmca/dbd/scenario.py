@@ -182,9 +182,9 @@ class Scenario(Summary):
 
     def _check_size(self) -> None:
         """Samples and bases fit in memory, before anything is made of them."""
-        frequencies = self.bandwidth_hz * self.useful_s
+        count = self.bandwidth_hz * self.useful_s
         remedy = "take a smaller bandwidth or a shorter interval"
-        check_range("bandwidth_hz times useful_s", frequencies, high=MOST_FREQUENCIES, unit="frequencies", remedy=remedy)
+        check_range("bandwidth_hz times useful_s", count, high=MOST_FREQUENCIES, unit="frequencies", remedy=remedy)
         check_range("subspace", self.subspace, 1, self.frequencies, remedy="take fewer unknowns than frequencies")
         unknowns = self.subspace * (self.pulses if self.messages == "dense" else 1)
         numbers = float(self.frequencies) * self.pulses * max(unknowns, self.antennas)

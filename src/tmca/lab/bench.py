@@ -21,7 +21,7 @@ from tmca.lab.cameras import lab_camera
 from tmca.lab.display.codes import read_planes
 from tmca.lab.display.devices import DeviceDescription, device_named
 from tmca.lab.display.export import Export, export_codes
-from tmca.lab.display.manifest import SOURCE_AT, check_export, exposed_whole, read_manifest
+from tmca.lab.display.manifest import SOURCE_AT, check_export, exposed_whole
 from tmca.progress import Asked, Report, reporting
 from tmca.summaries import Summary
 

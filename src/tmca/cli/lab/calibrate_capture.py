@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from tmca.cli.lab.bench import BenchOptions
 from tmca.cli.options.numbers import Whole, numbers
