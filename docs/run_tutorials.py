@@ -72,9 +72,12 @@ def run(script: Path) -> Iterator[Output]:
 def _value(source: str, where: str, names: dict[str, Any]) -> Any:
     """Runs a cell; what its last line is, if that is an expression."""
     tree = ast.parse(source)
-    last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
-    exec(compile(tree, where, "exec"), names)  # noqa: S102 - these are our own scripts
-    return None if last is None else eval(compile(ast.Expression(last.value), where, "eval"), names)  # noqa: S307
+    last = tree.body[-1] if tree.body else None
+    before = tree.body[:-1] if isinstance(last, ast.Expr) else tree.body
+    exec(compile(ast.Module(before, []), where, "exec"), names)  # noqa: S102 - these are our own scripts
+    if not isinstance(last, ast.Expr):
+        return None
+    return eval(compile(ast.Expression(last.value), where, "eval"), names)  # noqa: S307
 
 
 def _shown(printed: str, value: Any) -> tuple[str, bytes | None]:

@@ -47,8 +47,11 @@ def test_a_light_field_needs_its_geometry(given):
 
 
 def test_a_scene_with_depth_takes_none():
+    cube = xr.DataArray(np.ones((3, 4, 5)), {"wavelength": [450e-9, 550e-9, 650e-9]}, ("wavelength", "y", "x"))
+    scene = xr.Dataset({"radiance": cube, "depth": (("y", "x"), np.full((4, 5), 2.0))})
+    np.testing.assert_allclose(tmca.point_cloud(scene, 10.0).points[:, 2], -2.0)
     with pytest.raises(SettingError, match="baseline"):
-        tmca.point_cloud("motorcycle", baseline=0.1)
+        tmca.point_cloud(scene, baseline=0.1)
 
 
 def test_a_cloud_is_said_drawn_and_written(tmp_path):

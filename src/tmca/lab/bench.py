@@ -98,7 +98,7 @@ def steps_before(camera: Camera, manifest: dict[str, Any], simulated: bool) -> t
     A simulated sensor without shot noise has no electrons to count; one slot has no timing.
     """
     steps, whole = steps_of(camera, manifest), exposed_whole(manifest)
-    silent = simulated and camera.sensor.full_well is None  # type: ignore[union-attr]
+    silent = simulated and camera.sensor.full_well is None
     left_out = []
     if silent:
         left_out.append("linearity: left out, the simulated sensor has no shot noise (tmca simulate … --full-well)")
