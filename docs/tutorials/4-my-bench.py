@@ -30,7 +30,7 @@ from tmca import lab
 scene = tmca.read("coffee", size=(64, 64))
 sensor = tmca.Sensor(full_well=30_000, read_noise_electrons=5)
 drawn = tmca.simulate(scene, tmca.SpectralCamera(slots=2, shutter="one-hot", sensor=sensor))
-drawn.save("drawn.nc", overwrite=True)
+print(drawn.save("drawn.nc", overwrite=True))
 
 # %% [markdown]
 # ## Patterns for the devices
