@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import json
 import re
+import sys
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import griffe
+import jupytext
 from cyclopts.help import PlainFormatter
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[1]
+sys.path.append(str(Path(__file__).parent))  # the hook is loaded by its file
+import run_tutorials as tutorials  # noqa: E402
+
 TEXTS = {
     "index.md": "README.md",
     "contributing.md": "CONTRIBUTING.md",
@@ -23,9 +29,12 @@ TEXTS = {
     "weights.md": "src/tmca/weights/README.md",
 }
 """Pages, and the files of the project that they show."""
+SOURCES = TEXTS | {f"tutorials/{script.stem}.md": f"docs/tutorials/{script.name}" for script in tutorials.SCRIPTS}
+"""The same with the pages that are made of tutorials."""
 ROOMS = (
     *("cameras", "sensor", "codes", "optics", "operators", "decoders", "priors", "design"),
-    *("applications", "training", "evaluation", "data", "metrics", "plots", "dbd", "adapters", "testing", "errors"),
+    *("applications", "training", "evaluation", "lab", "data", "metrics", "plots", "dbd", "adapters", "testing"),
+    "errors",
 )
 _LINK = re.compile(r"(?<!!)\[([^\]]*)\]\((?![a-z]+:|#)([^)\s]+)\)")
 _IMAGE = re.compile(r"(!\[[^\]]*\]\()docs/")
@@ -47,6 +56,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     made = {page: (ROOT / file).read_text() for page, file in TEXTS.items()}
     made |= {"reference/commands.md": commands(), "reference/python.md": overview()}
     made |= {f"reference/{room}.md": python(room) for room in ROOMS}
+    for script in tutorials.SCRIPTS:
+        made |= {f"tutorials/{script.stem}.md": tutorial(script), f"tutorials/{script.stem}.ipynb": notebook(script)}
     for page, text in made.items():
         files.append(File.generated(config, page, content=text))
     return files
@@ -55,7 +66,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 def on_page_markdown(markdown: str, page: Any, config: MkDocsConfig, files: Files) -> str:
     """Links lead to pages of the site, formulas become MathML, which needs no script."""
     here = page.file.src_uri
-    source = Path(TEXTS.get(here, f"docs/{here}")).parent
+    source = Path(SOURCES.get(here, f"docs/{here}")).parent
     text = _LINK.sub(lambda link: _linked(link, here, source), _IMAGE.sub(r"\1", markdown))
     return _SHOWN_MATH.sub(lambda formula: convert(formula[1].strip(), display="block"), text)
 
@@ -66,7 +77,7 @@ def _linked(link: re.Match[str], here: str, source: Path) -> str:
     file = (ROOT / source / target).resolve()
     if not file.is_relative_to(ROOT):
         return link[0]
-    page = {str(ROOT / text): name for name, text in TEXTS.items()}.get(str(file))
+    page = {str(ROOT / text): name for name, text in SOURCES.items()}.get(str(file))
     if page is None and file.is_relative_to(ROOT / "docs"):
         page = file.relative_to(ROOT / "docs").as_posix()
     if page is None:
@@ -112,6 +123,30 @@ def overview() -> str:
     faces = "`read`, `simulate`, `reconstruct`, `evaluate`, `design_codes`, `train`"
     text = f"The functions {faces} of `tmca` are the short way for every camera. The rooms below hold what they use."
     return "\n".join(["# Python", "", text, "", "| | |", "|---|---|", *rows, ""])
+
+
+def tutorial(script: Path) -> str:
+    """A tutorial with what its cells print and draw."""
+    kept = json.loads(tutorials.OUTPUTS.read_text())[script.stem]["texts"]
+    parts = []
+    for number, cell in enumerate(tutorials.cells(script)):
+        parts.append(cell.source if cell.cell_type == "markdown" else f"```python\n{cell.source}\n```")
+        if text := kept.get(str(number)):
+            parts.append(f'```{{.text .output title="prints"}}\n{text}\n```')
+        picture = tutorials.picture_of(script, number)
+        if picture.exists():
+            parts.append(f"![What this cell draws]({picture.name})")
+    parts.insert(1, f"[Download this page as a notebook]({script.stem}.ipynb){{ download='' }}.")
+    return "\n\n".join(parts) + "\n"
+
+
+def notebook(script: Path) -> str:
+    """A tutorial for Jupyter; its links lead to notebooks and pages of the site beside it."""
+    book = jupytext.read(script, fmt="py:percent")
+    for cell in book.cells:
+        if cell.cell_type == "markdown":
+            cell.source = re.sub(r"\.md\)", ".html)", re.sub(r"\.py\)", ".ipynb)", cell.source))
+    return jupytext.writes(book, fmt="ipynb")
 
 
 def python(room: str) -> str:

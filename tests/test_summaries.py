@@ -12,8 +12,10 @@ from PIL import Image
 
 import tmca
 from tmca import dbd
+from tmca.applications.point_clouds import PointCloud
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.sensor import DarkField
+from tmca.plots.style import blank_figure
 from tmca.plots.thumbnails import Panel, row_figure
 from tmca.priors import GaussianPrior
 from tmca.summaries import MOST_CHARACTERS, as_numpy, data_uri
@@ -25,6 +27,8 @@ def things():
     camera = tmca.SpectralCamera(bands=3, size=(12, 16), slots=2, sensor=tmca.Sensor(full_well=1e4, bits=10))
     snapshot = tmca.Snapshot(camera(torch.rand(1, 3, 12, 16), generator=0), camera, {"scene": "a <b> scene"})
     prior = GaussianPrior.learn([torch.rand(3, 20, 30)], (4, 8), wavelengths=camera.wavelengths, sources=["one"])
+    places = np.random.default_rng(0).random((50, 3), np.float32) - np.array([0, 0, 3], np.float32)
+    points = PointCloud(places, np.full((50, 3), 99, np.uint8), 80.0, True)
     dark = DarkField(np.full((6, 8), 64.0), np.full((6, 8), 2.0), np.zeros((6, 8), np.uint8), 16)
     return {
         "camera": camera,
@@ -36,6 +40,8 @@ def things():
         "prior": prior,
         "calibration": Calibration.empty("bench").with_part("dark", dark, {"noise": 2.0}, sensor=(6, 8)),
         "recovery": dbd.solve(dbd.simulate(M=9, P=5, J=2, targets=2, paths=1, seed=2)),
+        "problem": dbd.simulate(M=9, P=5, J=2, targets=2, paths=1, seed=2),
+        "points": points,
     }
 
 
@@ -49,6 +55,8 @@ NAMES = [
     "prior",
     "calibration",
     "recovery",
+    "problem",
+    "points",
 ]
 
 
@@ -116,3 +124,16 @@ def test_a_conversion_without_a_copy_is_refused_where_it_needs_one():
 def test_a_picture_that_is_hard_to_pack_stays_below_the_bound():
     noise = np.random.default_rng(0).random((300, 300, 3))
     assert len(data_uri(row_figure([Panel("noise", noise)] * 3))) <= MOST_CHARACTERS
+
+
+def test_a_figure_shows_itself_in_a_notebook():
+    figure = blank_figure(3.0, 2.0)
+    figure.subplots().plot([0, 1])
+    with Image.open(BytesIO(figure._repr_png_())) as picture:
+        assert picture.size == (330, 220)
+
+
+def test_a_scenario_says_its_targets_and_paths():
+    text = repr(dbd.read_scenario("road"))
+    assert "150 m at -35 m/s" in text
+    assert "10 MHz at 77 GHz" in text

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from tmca.applications import evaluate, simulate
+    from tmca.applications.point_clouds import point_cloud
     from tmca.applications.refocusing import refocus
     from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
     from tmca.data import read_scene as read
@@ -40,6 +41,7 @@ _FACE = {
     "reconstruct": "decoders:decode",
     "evaluate": "applications:evaluate",
     "design_codes": "reports:design_codes",
+    "point_cloud": "applications.point_clouds:point_cloud",
     "refocus": "applications.refocusing:refocus",
     "train": "training.face:train",
     "view": "viewer:view",
@@ -63,6 +65,7 @@ _ROOMS = (
     "design",
     "errors",
     "evaluation",
+    "lab",
     "metrics",
     "operators",
     "optics",
@@ -88,6 +91,7 @@ __all__ = [
     "__version__",
     "design_codes",
     "evaluate",
+    "point_cloud",
     "read",
     "reconstruct",
     "refocus",

@@ -10,6 +10,7 @@ from tmca.decoders import Weights
 from tmca.decoders.nets.weights import FOLDER, UNIVERSAL
 from tmca.design import hold_throughput
 from tmca.errors import DataError, OutputError, SettingError
+from tmca.sensor import Sensor
 from tmca.training import TRAININGS, training_settings
 from tmca.training import run as training_run
 from tmca.training.loop import TrainingError
@@ -31,6 +32,15 @@ def test_a_short_run_lowers_the_loss_and_moves_the_codes(tmp_path):
         now, then = getattr(trained, name), getattr(before, name).tile()
         assert set(now.unique().tolist()) <= {0.0, 1.0}
         assert not torch.equal(now, then)
+
+
+def test_what_a_run_leaves_says_how_it_went_and_gives_its_camera(tmp_path):
+    trained = tiny.train(tmp_path / "run")
+    assert f"PSNR {trained.best['psnr']:.2f} dB at step {trained.best['step']}" in repr(trained)
+    assert len(trained.plot().axes[0].lines[0].get_xdata()) == len(tiny.logged(tmp_path / "run", "psnr"))
+    camera = trained.camera_for((16, 24), sensor=Sensor(read_noise=0.1))
+    assert (camera.size, camera.noise.read) == ((16, 24), pytest.approx(0.1))
+    assert torch.equal(camera.codes.aperture()[:, :8, :8], Weights.load(trained.weights).aperture[:, :8, :8])
 
 
 @pytest.mark.parametrize("target", [0.1, 0.3, 0.5])

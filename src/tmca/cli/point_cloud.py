@@ -30,7 +30,6 @@ def point_cloud(
     """
     from tmca.applications.point_clouds import point_cloud as cloud_of
     from tmca.data import check_target
-    from tmca.data.point_cloud import write_ply
     from tmca.errors import check_range
 
     target = out or Path(f"{Path(scene).stem}.ply")
@@ -38,7 +37,6 @@ def point_cloud(
     check_range("confidence", confidence, 0, 1)
     cloud = cloud_of(scene, focal, confidence)
     origin = "" if cloud.known else ", as wide as the picture, since the camera's is not known (--focal)"
-    about = f"points in metres before a pinhole camera, focal length {cloud.focal_px:g} pixels{origin}"
-    write_ply(cloud.points, cloud.colours, target, comment=about, overwrite=overwrite)
+    cloud.save(target, overwrite=overwrite)
     report = {"file": str(target), "points": len(cloud.points), "focal_px": cloud.focal_px, "focal_known": cloud.known}
     say(report, json, f"{target}: {len(cloud.points)} points, focal length {cloud.focal_px:g} px{origin}")

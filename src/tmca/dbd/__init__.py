@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         read_waveforms,
         spectra_of_recording,
         waveform_source,
+        with_waveforms,
     )
 
 _HOMES = {
@@ -60,6 +61,7 @@ _HOMES = {
         "read_waveforms",
         "spectra_of_recording",
         "waveform_source",
+        "with_waveforms",
     ),
     "solving": ("GRAMS", "METHODS", "solve"),
 }
@@ -70,7 +72,7 @@ __all__ = [
     "SampledWaveform", "Scenario", "Score", "Separation", "Source", "Target", "Truth", "Units",
     "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation", "load_problem",
     "read_recording", "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score", "simulate",
-    "solve", "spectra_of_recording", "true_bounds", "waveform_source",
+    "solve", "spectra_of_recording", "true_bounds", "waveform_source", "with_waveforms",
 ]  # fmt: skip
 
 

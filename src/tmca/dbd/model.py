@@ -10,12 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tmca.errors import SettingError, ShapeError, check_range, check_shape
+from tmca.summaries import Summary, sizes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 Real = NDArray[np.floating[Any]]
@@ -196,8 +200,8 @@ class Truth:
             raise SettingError("truth", "NaN or infinite numbers", "finite ones")
 
 
-@dataclass(frozen=True)
-class Problem:
+@dataclass(frozen=True, repr=False)
+class Problem(Summary):
     """Overlaid samples in the frequency domain (thesis equation 58) with everything a solver may use.
 
     ``y[a, p, n] = Σ_sources Σ_paths α (rows[p, n] @ v[message[p]]) exp(−j2π(n τ + p ν + a θ)) + noise``
@@ -247,6 +251,24 @@ class Problem:
     def shape(self) -> tuple[int, int, int]:
         """Antennas, pulses, frequencies."""
         return self.y.shape
+
+    def plot(self) -> Figure:
+        """Magnitude of the samples of the first antenna over pulses (rows) and frequencies."""
+        from tmca.plots.thumbnails import Panel, row_figure
+
+        return row_figure([Panel("samples: pulses × frequencies", np.abs(self.y[0]), "viridis", "magnitude")])
+
+    def _facts(self) -> dict[str, str]:
+        unknowns = (f"{one.name} ({one.unknowns} unknowns of its signal)" for one in self.sources)
+        return {
+            "samples": f"{sizes(self.shape)} (antennas, pulses, frequencies)",
+            "sources": ", ".join(unknowns),
+            "noise": "not known" if self.sigma is None else f"{self.sigma:.3g}" if self.sigma else "none",
+            "truth": "" if self.truth is None else "known",
+        }
+
+    def _picture(self) -> Figure:
+        return self.plot()
 
 
 class BeyondFreedom(UserWarning):

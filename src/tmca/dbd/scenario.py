@@ -30,6 +30,7 @@ from tmca.dbd.simulation import (
     unit_vector,
 )
 from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range
+from tmca.summaries import Summary
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
@@ -120,8 +121,8 @@ class Path(Way):
         return self.length_m / LIGHT_M_S
 
 
-@dataclass(frozen=True)
-class Scenario:
+@dataclass(frozen=True, repr=False)
+class Scenario(Summary):
     """The description of a radar scene and a communications channel that one receiver hears together.
 
     The radar's pulse is an unknown mix of ``subspace`` known pulses of random phase codes; a message is ``subspace``
@@ -181,10 +182,9 @@ class Scenario:
 
     def _check_size(self) -> None:
         """Samples and bases fit in memory, before anything is made of them."""
-        frequencies = self.bandwidth_hz * self.useful_s
+        count = self.bandwidth_hz * self.useful_s
         remedy = "take a smaller bandwidth or a shorter interval"
-        most: dict[str, Any] = {"high": MOST_FREQUENCIES, "unit": "frequencies", "remedy": remedy}
-        check_range("bandwidth_hz times useful_s", frequencies, **most)
+        check_range("bandwidth_hz times useful_s", count, high=MOST_FREQUENCIES, unit="frequencies", remedy=remedy)
         check_range("subspace", self.subspace, 1, self.frequencies, remedy="take fewer unknowns than frequencies")
         unknowns = self.subspace * (self.pulses if self.messages == "dense" else 1)
         numbers = float(self.frequencies) * self.pulses * max(unknowns, self.antennas)
@@ -219,6 +219,14 @@ class Scenario:
             if self.antennas > 1 and turn >= 0.5:
                 apart = f"a turn of {turn:.4g} wavelengths between antennas {self.spacing:g} wavelengths apart"
                 raise SettingError(where, apart, "less than 0.5", "take antennas closer together or smaller angles")
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "targets": ", ".join(f"{one.range_m:g} m at {one.velocity_m_s:g} m/s" for one in self.targets),
+            "paths": ", ".join(f"{one.length_m:g} m at {one.velocity_m_s:g} m/s" for one in self.paths),
+            "signals": f"{self.bandwidth_hz / 1e6:g} MHz at {self.carrier_hz / 1e9:g} GHz, {self.pulses} pulses",
+            "noise": "none" if self.snr_db is None else f"{self.snr_db:g} dB below the signals",
+        }
 
     @property
     def frequencies(self) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.plots.cube import captioned, mark, note_false_colour, rgb_composite, sample_points, spectra, white_level
-from tmca.plots.style import GREY, grid, image, panels, plain_axes
+from tmca.plots.style import GREY, blank_figure, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +38,23 @@ def scene_figure(scene: Pair, wavelengths: Sequence[float], title: str, metric: 
     depth_map(axes[0, 1], depth, metric)
     spectra(axes[0, 2], {"": cube}, wavelengths, points)
     return note_false_colour(figure, wavelengths)
+
+
+def points_figure(points: np.ndarray, colours: np.ndarray) -> Figure:
+    """Points in space, seen from the side of the camera.
+
+    Args:
+        points: ``(N, 3)`` metres: right, up, and away from the camera along -z.
+        colours: ``(N, 3)`` from 0 to 255.
+    """
+    figure = blank_figure(5.2, 4.2)
+    axis: Any = figure.add_subplot(projection="3d")
+    right, up, back = points.T
+    axis.scatter(right, -back, up, c=colours / 255, s=4, depthshade=False, edgecolors="none")
+    axis.set(xlabel="x (m)", ylabel="distance (m)", zlabel="y (m)")
+    axis.view_init(elev=18, azim=-70)
+    axis.set_box_aspect((1, 1.3, max(np.ptp(up), 1e-9) / max(np.ptp(right), 1e-9)))
+    return figure
 
 
 def depth_figure(

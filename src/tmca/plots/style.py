@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,7 +57,16 @@ def blank_figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
     shrunk = min(1.0, _WIDEST / width)
-    return Figure(figsize=(width * shrunk, height * shrunk), dpi=_DENSITY / shrunk, layout="constrained")
+    figure = Figure(figsize=(width * shrunk, height * shrunk), dpi=_DENSITY / shrunk, layout="constrained")
+    figure._repr_png_ = partial(_as_png, figure)  # type: ignore[attr-defined]
+    return figure
+
+
+def _as_png(figure: Figure) -> bytes:
+    """What a notebook shows of a figure; without pyplot, which is not needed here, it would show its size in words."""
+    drawn = BytesIO()
+    figure.savefig(drawn, format="png", facecolor="white")
+    return drawn.getvalue()
 
 
 def panels(count: int, width: float, height: float) -> tuple[Figure, np.ndarray]:

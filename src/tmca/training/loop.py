@@ -28,6 +28,8 @@ from tmca.training.system import System
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
 
+LOG = "log.csv"
+"""In a run's folder."""
 Progress = Callable[[int, int, str], None]
 """Takes steps done, steps in all, and a line on how it goes."""
 
@@ -87,7 +89,7 @@ class Run:
         self.system = self.setup.system
         groups = self.system.groups()
         self.optimizers = {name: _optimizer(name, params) for name, params in groups.items() if params}
-        self.log = TrainingLog(self.folder / "log.csv")
+        self.log = TrainingLog(self.folder / LOG)
 
     def resume(self) -> int:
         """Steps done at the newest checkpoint, whose state is taken over."""

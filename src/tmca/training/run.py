@@ -17,10 +17,12 @@ from tmca.decoders import Weights
 from tmca.errors import DataError
 from tmca.priors import find_prior, learn_prior
 from tmca.sensor import Sensor
+from tmca.summaries import Summary
 from tmca.training.camera_training import TRAININGS, NeededPrior, scene_reader
 from tmca.training.engine import choose_precision, start_engine
 from tmca.training.folder import WEIGHTS, locked, open_run
-from tmca.training.loop import Progress, Run, Setup
+from tmca.training.log import TrainingLog
+from tmca.training.loop import LOG, Progress, Run, Setup
 from tmca.training.patches import CubeStore, Load
 from tmca.training.pool import Pool
 from tmca.training.scenes import RENDERED, SceneLists, scene_lists
@@ -29,13 +31,16 @@ from tmca.training.system import TrainingSystem, starts_from_prior
 
 if TYPE_CHECKING:
     from lightning_fabric import Fabric
+    from matplotlib.figure import Figure
+
+    from tmca.cameras import Camera
 
 PRIOR = "prior.nc"
 """In a run's folder."""
 
 
-@dataclass
-class Trained:
+@dataclass(repr=False)
+class Trained(Summary):
     """What a run leaves.
 
     Args:
@@ -49,6 +54,42 @@ class Trained:
     best: dict[str, Any]
     steps: int
     cpu_seconds: float = 0.0
+
+    def camera_for(self, size: tuple[int, int] | None = None, **changes: Any) -> Camera:
+        """The camera with the codes that were learned, for scenes of (H, W) pixels.
+
+        Args:
+            size: (H, W); that of the run without.
+            changes: other arguments of the camera, such as ``sensor``; without noise if none is given.
+
+        Raises:
+            DataError: the weights are gone.
+            ShapeError: codes that are no tile have another size.
+        """
+        camera: Camera = Weights.load(self.weights).camera_for(size, **changes)
+        return camera
+
+    def plot(self) -> Figure:
+        """How the run went: validation, loss and light of the codes over the steps.
+
+        Raises:
+            DataError: a damaged log.
+        """
+        from tmca.plots.curves import training_figure
+
+        return training_figure(TrainingLog(self.weights.parent / LOG).rows())
+
+    def _facts(self) -> dict[str, str]:
+        best = self.best
+        validated = bool(best.get("step")) and np.isfinite(best.get("psnr", np.nan))
+        return {
+            "weights": str(self.weights),
+            "steps": f"{self.steps}, {self.cpu_seconds:.0f} CPU seconds",
+            "validation": f"PSNR {best['psnr']:.2f} dB at step {best['step']}" if validated else "none",
+        }
+
+    def _picture(self) -> Figure:
+        return self.plot()
 
 
 def train(settings: TrainSettings, folder: Path, load: Load | None = None, **how: Any) -> Trained:

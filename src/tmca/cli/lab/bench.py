@@ -100,18 +100,11 @@ class BenchOptions:
             SettingError: none is named, and the export was made from codes alone, or from a file that is gone.
         """
         from tmca.cameras import Snapshot
-        from tmca.data import read_dataset
-        from tmca.lab.display.manifest import SOURCE_AT
+        from tmca.lab.bench import exported_snapshot
 
         if self.like is not None:
             return Snapshot.load(self.like)
-        manifest = named_export(export)
-        source = Path(manifest.get(SOURCE_AT, manifest["source"]))
-        stored = source.suffix in (".nc", ".h5") and source.is_file()
-        if not stored or "snapshot" not in read_dataset(source):
-            found = f"an export of {source}, which {'says codes alone' if source.exists() else 'is not found'}"
-            raise SettingError("--like", found, "the snapshot file of its camera", "write one with `tmca simulate`")
-        return Snapshot.load(source)
+        return exported_snapshot(named_export(export), "--like")
 
 
 def _driver_settings(texts: list[str]) -> dict[str, str]:

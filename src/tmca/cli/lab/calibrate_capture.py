@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from tmca.cli.lab.bench import BenchOptions
 from tmca.cli.options.numbers import Whole, numbers
@@ -45,39 +44,30 @@ def capture(
         reflectance: of the white reference.
     """
     from tmca.data import nm_to_metres
+    from tmca.lab.bench import steps_before, usual_frames
     from tmca.lab.calibration.capturing import capture_step
-    from tmca.lab.calibration.shots import Asked
-    from tmca.lab.calibration.steps import steps_of
-    from tmca.lab.cameras import lab_camera
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     bench.check()
     taken = bench.known(export)
     waves = tuple(float(nm_to_metres(one)) for one in _each(wavelength, "--wavelength", 100, 20000, "nm"))
     depths = _each(depth, "--depth", 1e-3, 1e6, "m")
-    if bench.simulated:
-        lab = lab_camera(taken.camera)
-        waves, depths = waves or tuple(lab.wavelengths(taken.camera)), depths or tuple(lab.depths(taken.camera))
-    asked = Asked(frames, waves, depths, pattern, count, reflectance)
+    asked = usual_frames(
+        taken.camera, bench.simulated, frames=frames, wavelengths=waves, depths=depths, pattern=pattern, count=count,
+        reflectance=reflectance,
+    )  # fmt: skip
     manifest = read_manifest(export)
-    steps, whole = steps_of(taken.camera, manifest), exposed_whole(manifest)
-    for one in _all(steps, bench.simulated, taken.camera, whole) if step == "all" else (step,):
+    steps, left_out = steps_before(taken.camera, manifest, bench.simulated) if step == "all" else ([step], [])
+    for line in left_out:
+        print(line)
+    whole = exposed_whole(manifest)
+    for one in steps:
         with progress_bar(f"capture: {one}") as report:
             capture_step(
                 one, export, bench.bench(taken, whole), out, taken.camera, asked, bench=bench.said(),
                 timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
             )  # fmt: skip
         print(f"{out / one}: measure it with tmca calibrate all {out} --out NAME")
-
-
-def _all(steps: tuple[str, ...], simulated: bool, camera: Any, whole: bool) -> list[str]:
-    """All steps; a simulated sensor without shot noise has no electrons to count, and one slot no timing."""
-    silent = simulated and camera.sensor.full_well is None
-    if silent:
-        print("linearity: left out, the simulated sensor has no shot noise (tmca simulate … --full-well)")
-    if camera.slots == 1 and whole and "registration" in steps:
-        print("timing: left out, one slot alone has none")
-    return [one for one in steps if not (silent and one == "linearity")]
 
 
 def _each(text: str | None, option: str, low: float, high: float, unit: str) -> tuple[float, ...]:

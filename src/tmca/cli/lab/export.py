@@ -56,13 +56,14 @@ def export(
             placed so that they fall on the sensor pixels that the camera of SOURCE, a snapshot, was drawn with.
         figures: write overview.png.
     """
+    from tmca.lab.bench import aperture_changed
     from tmca.lab.display.codes import read_planes
     from tmca.lab.display.export import export_codes
 
     changes: dict[str, Any] = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     changes |= {"lut": None if lut is None else str(lut.absolute())}
     moved = size(offset, "--offset") or (0, 0)
-    devices = [_described(name, changes) for name in device]
+    devices = [aperture_changed(name, changes) for name in device]
     affine = None
     if calibration is not None:
         _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
@@ -96,14 +97,6 @@ def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:
     if not showing:
         raise SettingError("--calibration", "no device of the aperture", "one whose pixels were registered")
     return registered_affine(source, load_calibration(calibration), showing[0])
-
-
-def _described(name: str, changes: dict[str, Any]) -> Any:
-    """A device; what is said of the aperture's holds for that one only."""
-    from tmca.lab.display.devices import device_named
-
-    plain = device_named(name)
-    return device_named(name, **changes) if plain.plane == "aperture" else plain
 
 
 @app.command

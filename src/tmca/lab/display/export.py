@@ -22,6 +22,7 @@ from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, respons
 from tmca.lab.display.manifest import FORMAT, NAME, SOURCE_AT, digest, read_frame, write_frame
 from tmca.lab.display.placement import Affine, Placement
 from tmca.lab.notes import CODES_DATE, date_of_codes, now
+from tmca.summaries import Summary
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,8 +63,8 @@ _TRIGGERS = {
 _SLOTS = 4
 
 
-@dataclass(frozen=True)
-class Export:
+@dataclass(frozen=True, repr=False)
+class Export(Summary):
     """What was written.
 
     Args:
@@ -73,6 +74,22 @@ class Export:
 
     folder: Path
     manifest: dict[str, Any]
+
+    def plot(self) -> Figure:
+        """The first slots of every plane, as devices show them."""
+        return export_figure(self.manifest, self.folder)
+
+    def _facts(self) -> dict[str, str]:
+        slots, seconds = self.manifest["slots"], self.manifest["exposure_s"]
+        planes = {plane["plane"]: plane["device"]["name"] for plane in self.manifest["planes"]}
+        return {
+            "folder": str(self.folder),
+            "slots": f"K = {slots} of {seconds / slots * 1e3:g} ms",
+            **{plane: f"on {device}" for plane, device in planes.items()},
+        }
+
+    def _picture(self) -> Figure:
+        return self.plot()
 
 
 def export_codes(
