@@ -55,7 +55,7 @@ snapshot.plot()
 #
 # `reconstruct` knows the code, the optics and the noise from the snapshot. Without another wish it takes the best linear
 # estimate under a prior of natural scenes (`lmmse`). The prior does not know this scene. Its first use on a computer
-# takes about a minute, because the prior is learned; then it is cached.
+# takes some seconds, because the prior is learned; then it is cached.
 
 # %% tags=["picture"]
 estimate = tmca.reconstruct(snapshot, uncertainty=True)
