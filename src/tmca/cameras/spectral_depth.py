@@ -357,9 +357,9 @@ class SpectralDepthCamera(BandCamera):
         patterns, axes = by_bucket(self.shutter.tile(), self.slots, TILE if self.shutter.period else ("y", "x"))
         parts: dict[str, Any] = {
             "heights": (("slot", "y_mask", "x_mask"), heights().numpy(force=True), shown),
-            "shutter": (slotted(axes), compact(patterns), {"units": "1 = open", "long_name": "shutter codes s"}),
+            "shutter": (slotted(axes), compact(patterns), {"units": "1 = open", "long_name": "shutter codes S"}),
             "filters": (("filter", "wavelength"), passed, {"units": "1", "long_name": "transmittance of a filter"}),
-            "cells": (TILE, self.filters.cells().numpy(force=True), {"long_name": "index of the filter over a pixel"}),
+            "cells": (TILE, self.filters.cells().numpy(force=True), {"units": "1", "long_name": "filter over a pixel"}),
             "response": (("channel", "wavelength"), self.response.numpy(force=True), _RESPONSE),
         }
         optics = {

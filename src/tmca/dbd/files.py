@@ -49,9 +49,9 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
         variables[f"basis_{index}"] = _parts(columns, source.rows, "rows of the known basis", about)
         variables[f"message_{index}"] = ("pulse", source.message, _about("message that a pulse carries, from 0"))
     for index, truth in enumerate(problem.truth or ()):
-        path, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
-        variables[f"true_points_{index}"] = ((*path, "axis"), truth.points, _about(f"true {_POINTS}"))
-        variables[f"true_amplitudes_{index}"] = _parts(path, truth.amplitudes, "true gains of the paths")
+        paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
+        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}"))
+        variables[f"true_amplitudes_{index}"] = _parts(paths, truth.amplitudes, "true gains of the paths")
         variables[f"true_waveform_{index}"] = _parts(coefficient, truth.waveform, f"true {_WAVEFORM}")
     return _written(variables, {"kind": KIND, "sigma": problem.sigma}, problem, path, overwrite)
 
@@ -67,14 +67,14 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
     }
     for index, (source, given) in enumerate(zip(recovery.sources, recovery.problem.sources, strict=True)):
         about = {"source": source.name, "weight": given.weight, "relative_doppler": int(source.relative_doppler)}
-        path, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
-        variables[f"points_{index}"] = ((*path, "axis"), source.points, _about(_POINTS, about))
-        variables[f"amplitudes_{index}"] = _parts(path, source.amplitudes, "gains of the paths", about)
+        paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
+        variables[f"points_{index}"] = ((*paths, "axis"), source.points, _about(_POINTS, about))
+        variables[f"amplitudes_{index}"] = _parts(paths, source.amplitudes, "gains of the paths", about)
         variables[f"waveform_{index}"] = _parts(coefficient, source.waveform, _WAVEFORM, about)
         variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, "signal that was sent", about)
         if source.bounds is not None:
             variables[f"bounds_{index}"] = (
-                (*path, "axis"),
+                (*paths, "axis"),
                 source.bounds,
                 _about(f"standard deviation of {_POINTS}", about),
             )

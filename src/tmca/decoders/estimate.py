@@ -74,7 +74,7 @@ class Estimate(Summary):
             attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
         for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
             if plane is not None:
-                maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
+                maps, about = plane[:, 0].numpy(force=True), {"long_name": f"{name} {by}", "units": unit}
                 several = len(maps) > 1
                 dims = ("snapshot", "y", "x") if several else ("y", "x")
                 parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)

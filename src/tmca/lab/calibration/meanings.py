@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 _DN, _SENSOR = "digital numbers", "sensor pixels"
+_MAP = "sensor pixels per code pixel, and sensor pixels"
 _MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
     "dark": {
         "mean": (_DN, "offset of a pixel"),
@@ -31,10 +32,10 @@ _MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "read_noise": ("electrons", "read noise, by photon transfer"),
     },
     "registration": {
-        "matrix": ("sensor pixels per code pixel, and sensor pixels", "place of a code pixel (row, column, 1)"),
+        "matrix": (_MAP, "place of a code pixel (row, column, 1)"),
         "std": (
-            "sensor pixels per code pixel, and sensor pixels",
-            "standard deviation of the matrix, shift of the middle",
+            _MAP,
+            "standard deviation of the matrix; last column: shift of the middle",
         ),
         "blur": (_SENSOR, "standard deviation of the relay's blur"),
         "residual": ("1", "rms of what the fit leaves, share of the patterns' contrast"),
