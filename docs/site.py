@@ -10,6 +10,7 @@ from typing import Any
 
 import griffe
 from cyclopts.help import PlainFormatter
+from file_formats import files_page
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -45,7 +46,7 @@ class Examples(griffe.Extension):
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages that are made."""
     made = {page: (ROOT / file).read_text() for page, file in TEXTS.items()}
-    made |= {"reference/commands.md": commands(), "reference/python.md": overview()}
+    made |= {"reference/commands.md": commands(), "reference/python.md": overview(), "reference/files.md": files_page()}
     made |= {f"reference/{room}.md": python(room) for room in ROOMS}
     for page, text in made.items():
         files.append(File.generated(config, page, content=text))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import torch
@@ -17,6 +18,7 @@ from tmca.data import rendered_light_field, rendered_scene, write_dataset, write
 from tmca.dbd import Units, simulate, solve
 from tmca.dbd.files import save_problem, save_recovery
 from tmca.decoders import Weights, build_network
+from tmca.evaluation import own_study, run_study
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.session import capture
 from tmca.lab.calibration.buckets import BucketMixing
@@ -26,6 +28,7 @@ from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
+from tmca.lab.deploy import export_decoder
 from tmca.lab.display.codes import read_planes
 from tmca.lab.display.devices import device_named
 from tmca.lab.display.export import export_codes
@@ -40,8 +43,10 @@ SIZE = (16, 20)
 def write_tiny_files(folder: Path) -> None:
     """Write them all into a folder, in a few seconds."""
     torch.manual_seed(0)
-    for write in (_scenes, _pictures, _light_field, _depth, _codes, _priors, _weights, _calibration, _bench, _dbd):
-        write(folder)
+    with catch_warnings():
+        simplefilter("ignore")  # masks of a few pixels are no good ones
+        for write in (_scenes, _pictures, _light_field, _depth, _codes, _priors, _weights, _calibration, _bench, _dbd):
+            write(folder)
 
 
 def _scenes(folder: Path) -> None:
@@ -164,3 +169,15 @@ def _dbd(folder: Path) -> None:
     problem = replace(simulate(M=9, P=5, J=2, targets=2, paths=1, seed=2, snr_db=30), units=Units(1e-6, 2e4, 1e9))
     save_problem(problem, folder / "problem.nc")
     save_recovery(solve(problem, progress=False), folder / "recovery.nc")
+
+
+def write_study(folder: Path) -> None:
+    """A study of the cube of `write_tiny_files`, without pictures for a paper."""
+    described = own_study([str(folder / "cube.tif")], codes=["cassi"], decoders=["dagger"], crop=SIZE)
+    plain = described.model_copy(update={"figure": False, "name": "study"})
+    run_study(plain, folder / "study", folder / "study" / "cells", progress=False)
+
+
+def write_decoder(folder: Path) -> None:
+    """The weights of `write_tiny_files` as a program of their own."""
+    export_decoder(folder / "weights.safetensors", folder / "decoder", ("torch",))
