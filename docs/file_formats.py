@@ -51,7 +51,7 @@ OTHERS = (
     ("`.png`, `.pdf`, `.html`, `.gif`", "pictures and pages: for any viewer or browser", "—"),
 )
 """Files, what they are, and the page that describes them."""
-_JSON = re.compile(r"null$|[\[{\"]|[\d.]+$")
+_JSON = re.compile(r"null$|[\[{\"]|\d+(\.\d+)?$")
 
 
 def files_page() -> str:
@@ -84,7 +84,7 @@ def _shown(file: Path, title: str, meanings: Meanings) -> str:
         return _labelled(file, title, {**ATTRIBUTES, **meanings})
     named = _entries(file)
     columns = "column" if file.suffix == ".csv" else "entry"
-    rows = [(_code(name), _type(value), meanings[name]) for name, value in named if name in _asked(named, meanings)]
+    rows = [(_name(name), _type(value), meanings[name]) for name, value in named if name in _asked(named, meanings)]
     return f"### {title}\n\n" + _table((columns, "type", "meaning"), rows)
 
 
@@ -141,7 +141,7 @@ def _labelled(file: Path, title: str, meanings: Meanings) -> str:
             parts += [f"### {node.path[1:]}"] if within else []
             if inside.variables:
                 parts.append(_table(("variable", "axes", "type", "units", "meaning"), _variables(inside)))
-            rows = [(_code(name), _type(value), meanings[name]) for name, value in _new(inside.attrs, node.path)]
+            rows = [(_name(name), _type(value), meanings[name]) for name, value in _new(inside.attrs, node.path)]
             parts += [_table(("attribute", "type", "meaning"), rows)] if rows else []
     return "\n\n".join(parts)
 
@@ -158,7 +158,7 @@ def _variables(dataset: Any) -> Iterator[tuple[str, ...]]:
         values = dataset[name]
         axes = ", ".join(f"{dim} {size}" for dim, size in values.sizes.items()) or "—"
         kind = "text" if values.dtype.kind in "UOS" else str(values.dtype)
-        yield _code(name), axes, kind, values.attrs.get("units", "—"), values.attrs["long_name"]
+        yield _name(name), axes, kind, values.attrs.get("units", "—"), values.attrs["long_name"]
 
 
 def _type(value: Any) -> str:
@@ -173,6 +173,11 @@ def _type(value: Any) -> str:
 
 def _code(text: object) -> str:
     return f"`{text}`" if text else "—"
+
+
+def _name(text: object) -> str:
+    """Code that no line breaks, see site.css."""
+    return f"`{text}`{{.entry}}"
 
 
 def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -29,7 +30,7 @@ from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
 from tmca.lab.calibration.timing import Timing
 from tmca.lab.deploy import export_decoder
-from tmca.lab.display.codes import read_planes
+from tmca.lab.display.codes import planes_of
 from tmca.lab.display.devices import device_named
 from tmca.lab.display.export import export_codes
 from tmca.optics import PhaseMaskBench
@@ -45,14 +46,19 @@ def write_tiny_files(folder: Path) -> None:
     torch.manual_seed(0)
     with catch_warnings():
         simplefilter("ignore")  # masks of a few pixels are no good ones
-        for write in (_scenes, _pictures, _light_field, _depth, _codes, _priors, _weights, _calibration, _bench, _dbd):
+        for write in WRITERS:
             write(folder)
 
 
 def _scenes(folder: Path) -> None:
     """As `tmca render` writes them."""
-    write_dataset(rendered_scene("coffee", size=SIZE), folder / "scene.nc")
+    write_dataset(_scene(), folder / "scene.nc")
     write_dataset(_views(), folder / "views.nc")
+
+
+@cache
+def _scene() -> Any:
+    return rendered_scene("coffee", size=SIZE, wavelengths=BANDS)
 
 
 def _views() -> Any:
@@ -64,10 +70,15 @@ def _sensor() -> Sensor:
 
 
 def _pictures(folder: Path) -> None:
-    """Of the spectral camera."""
-    camera = SpectralCamera(BANDS, SIZE, 2, shutter="one-hot", sensor=_sensor())
-    _written(folder, "spectral", tmca.simulate("coffee", camera), "lmmse", _gaussian(), uncertainty=True)
-    write_tiff(tmca.read("coffee", bands=3, size=SIZE), folder / "cube.tif")
+    """Of the spectral camera, and a cube for ImageJ."""
+    cube = _scene()["radiance"]
+    snapshot = tmca.simulate(cube, _camera(), progress=False)
+    _written(folder, "spectral", snapshot, "lmmse", _gaussian(), uncertainty=True)
+    write_tiff(cube, folder / "cube.tif")
+
+
+def _camera() -> SpectralCamera:
+    return SpectralCamera(BANDS, SIZE, 2, shutter="one-hot", sensor=_sensor())
 
 
 def _light_field(folder: Path) -> None:
@@ -158,8 +169,8 @@ def _parts() -> dict[str, Any]:
 def _bench(folder: Path) -> None:
     """An export and a capture of it."""
     shown = [device_named("dli4120", size=(24, 32)), device_named("emulated-shutter")]
-    export_codes(read_planes(folder / "spectral.nc"), shown, folder / "export")
-    camera = Snapshot.load(folder / "spectral.nc").camera
+    camera = _camera()
+    export_codes(planes_of(camera, "spectral.nc"), shown, folder / "export")
     bench = find_device("simulated", camera=camera, scene=[torch.full((1, *camera.scene_shape), 0.5)])
     capture(folder / "export", bench, folder / "capture", gain=bench.gain)
 
@@ -181,3 +192,7 @@ def write_study(folder: Path) -> None:
 def write_decoder(folder: Path) -> None:
     """The weights of `write_tiny_files` as a program of their own."""
     export_decoder(folder / "weights.safetensors", folder / "decoder", ("torch",))
+
+
+WRITERS = (_scenes, _pictures, _light_field, _depth, _codes, _priors, _weights, _calibration, _bench, _dbd)
+"""All but a study and a program, which take longer."""
