@@ -9,7 +9,6 @@ Meanings = Mapping[str, str]
 ATTRIBUTES: Meanings = {
     # snapshots and estimates
     "scene": "name of the scene",
-    "scene_reading": "how the scene was read: source, size, views, …",
     "noise_seed": "seed of the noise",
     "camera": "kind of the camera: `spectral`, `light-field`, `spectral-depth`",
     "exposure": "`equal`: the slots share one exposure; `per-slot`: each has one",
@@ -213,7 +212,8 @@ KINDS = (
         "Snapshot",
         "What the sensor recorded, with the codes, optics and noise of the camera that took it: all that a "
         "decoder needs. Other software may write it too: "
-        "`tmca reconstruct` names a variable that is missing.",
+        "`tmca reconstruct` names a variable that is missing. Further attributes are notes, such as `scene_reading`: how"
+        " the scene was read.",
         {
             "spectral.nc": "Spectral camera",
             "light-field.nc": "Light-field camera",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 from warnings import catch_warnings, simplefilter
@@ -15,7 +14,15 @@ import tmca
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.codes.files import write_codes
-from tmca.data import rendered_light_field, rendered_scene, write_dataset, write_tiff
+from tmca.data import (
+    label,
+    label_depth,
+    label_spectral_depth,
+    rendered_light_field,
+    rendered_scene,
+    write_dataset,
+    write_tiff,
+)
 from tmca.dbd import Units, simulate, solve
 from tmca.dbd.files import save_problem, save_recovery
 from tmca.decoders import Weights, build_network
@@ -52,13 +59,8 @@ def write_tiny_files(folder: Path) -> None:
 
 def _scenes(folder: Path) -> None:
     """As `tmca render` writes them."""
-    write_dataset(_scene(), folder / "scene.nc")
+    write_dataset(rendered_scene("coffee", size=SIZE), folder / "scene.nc")
     write_dataset(_views(), folder / "views.nc")
-
-
-@cache
-def _scene() -> Any:
-    return rendered_scene("coffee", size=SIZE, wavelengths=BANDS)
 
 
 def _views() -> Any:
@@ -71,7 +73,7 @@ def _sensor() -> Sensor:
 
 def _pictures(folder: Path) -> None:
     """Of the spectral camera, and a cube for ImageJ."""
-    cube = _scene()["radiance"]
+    cube = label(_cube().numpy(), np.array(BANDS))
     snapshot = tmca.simulate(cube, _camera(), progress=False)
     _written(folder, "spectral", snapshot, "lmmse", _gaussian(), uncertainty=True)
     write_tiff(cube, folder / "cube.tif")
@@ -101,7 +103,9 @@ def _mirror(**parts: Any) -> SpectralDepthCamera:
 def _depth(folder: Path) -> None:
     camera = _mirror(sensor=_sensor())
     window = GaussianPrior.learn([_cube()], (16, 16), wavelengths=BANDS)
-    _written(folder, "spectral-depth", tmca.simulate("coffee", camera), "likelihood", window)
+    depth = label_depth(np.full(SIZE, 0.8, np.float32), "scene")
+    scene = label_spectral_depth(label(_cube().numpy(), np.array(BANDS)), depth)
+    _written(folder, "spectral-depth", tmca.simulate(scene, camera), "likelihood", window)
 
 
 def _codes(folder: Path) -> None:

@@ -14,11 +14,15 @@ from tmca.cli.app import app
 DOCS = Path(__file__).parents[1] / "docs"
 sys.path.insert(0, str(DOCS))
 file_formats, file_kinds, tiny_files = map(import_module, ("file_formats", "file_kinds", "tiny_files"))
+SLOW = {"_scenes": pytest.mark.slow}  # tests/data/test_rendered_scenes.py looks at these
+WRITERS = [
+    pytest.param(write, id=write.__name__[1:], marks=SLOW.get(write.__name__, ())) for write in tiny_files.WRITERS
+]
 CALLS = [call for kind in file_kinds.KINDS for call in (kind.write, kind.read)]
 
 
 @pytest.mark.filterwarnings("ignore")  # masks of a few pixels are no good ones
-@pytest.mark.parametrize("write", tiny_files.WRITERS, ids=lambda write: write.__name__.strip("_"))
+@pytest.mark.parametrize("write", WRITERS)
 def test_every_variable_says_what_it_is_and_its_unit(tmp_path, write):
     write(tmp_path)
     for file in tmp_path.glob("*.nc"):
@@ -51,4 +55,5 @@ def test_names_of_the_page_are_there():
 def test_the_page_has_a_section_for_every_kind():
     page = file_formats.files_page()
     assert all(f"\n## {kind.title}\n" in page for kind in file_kinds.KINDS)
+    assert not [name for name in file_kinds.ATTRIBUTES if f"| `{name}`" not in page]
     assert "| `snapshot`{.entry} | y 16, x_sensor 22 | float32 |" in page
