@@ -70,7 +70,6 @@ ATTRIBUTES: Meanings = {
     "exact": "1 = noiseless samples are explained to 1e-9",
     "certificate": "whether the recovery is proven optimal",
     "unexplained": "share of the samples' energy that no path explains",
-    "doubt": "why the paths do not explain the samples",
     "units_delay_s": "seconds of a normalised delay of one",
     "units_doppler_hz": "hertz of a normalised Doppler of one",
     "units_carrier_hz": "carrier frequency, hertz",
@@ -212,8 +211,8 @@ KINDS = (
         "Snapshot",
         "What the sensor recorded, with the codes, optics and noise of the camera that took it: all that a "
         "decoder needs. Other software may write it too: "
-        "`tmca reconstruct` names a variable that is missing. Further attributes are notes, such as `scene_reading`: how"
-        " the scene was read.",
+        "`tmca reconstruct` names a variable that is missing. Further attributes are notes, such as"
+        " `scene_reading`: how the scene was read.",
         {
             "spectral.nc": "Spectral camera",
             "light-field.nc": "Light-field camera",
@@ -240,7 +239,8 @@ KINDS = (
     ),
     Kind(
         "Codes",
-        "What the aperture and the shutter show, slot by slot, of one tile that repeats.",
+        "What the aperture and the shutter show, slot by slot, of one tile that repeats. Files of `tmca design` also say its"
+        " `advice`, the `sensor` that the codes are for, and their `codes_date`.",
         {"codes.nc": "Codes of pixels"},
         ("tmca design spectral --out design", 'tmca.design_codes("spectral", out="design")'),
         (
@@ -308,7 +308,7 @@ KINDS = (
             "tmca export spectral.nc --device dli4120 --out export",
             'tmca.lab.display.export.export_codes(codes, devices, "export")',
         ),
-        ("tmca capture export --scene coffee --out capture", 'tmca.lab.display.manifest.read_export("export")'),
+        ("tmca capture export --scene coffee --out capture", 'tmca.lab.display.read_export("export")'),
         "The pictures are PNG, one for each slot; masks of a deformable mirror are a table, `zernike.csv`.",
         _MANIFEST,
     ),
@@ -339,7 +339,8 @@ KINDS = (
         "Dual blind deconvolution",
         "A problem is samples and known bases, with the truth of a simulated one; a recovery is the paths and"
         " signals of every source. Numbers at the end of a name "
-        "count the sources. Complex numbers have a last axis `part`.",
+        "count the sources. Complex numbers have a last axis `part`. A recovery that does not explain the samples says why in"
+        " the attribute `doubt`.",
         {"problem.nc": "Problem", "recovery.nc": "Recovery"},
         ("tmca dbd simulate --out problem.nc", 'tmca.dbd.save_problem(problem, "problem.nc")'),
         ("tmca dbd solve problem.nc --out recovery.nc", 'tmca.dbd.load_problem("problem.nc")'),
