@@ -239,8 +239,8 @@ KINDS = (
     ),
     Kind(
         "Codes",
-        "What the aperture and the shutter show, slot by slot, of one tile that repeats. Files of `tmca design` also say its"
-        " `advice`, the `sensor` that the codes are for, and their `codes_date`.",
+        "What the aperture and the shutter show, slot by slot, of one tile that repeats. Files of `tmca design`"
+        " also say its `advice`, the `sensor` that the codes are for, and their `codes_date`.",
         {"codes.nc": "Codes of pixels"},
         ("tmca design spectral --out design", 'tmca.design_codes("spectral", out="design")'),
         (
@@ -339,8 +339,8 @@ KINDS = (
         "Dual blind deconvolution",
         "A problem is samples and known bases, with the truth of a simulated one; a recovery is the paths and"
         " signals of every source. Numbers at the end of a name "
-        "count the sources. Complex numbers have a last axis `part`. A recovery that does not explain the samples says why in"
-        " the attribute `doubt`.",
+        "count the sources. Complex numbers have a last axis `part`. A recovery that does not"
+        " explain the samples says why in the attribute `doubt`.",
         {"problem.nc": "Problem", "recovery.nc": "Recovery"},
         ("tmca dbd simulate --out problem.nc", 'tmca.dbd.save_problem(problem, "problem.nc")'),
         ("tmca dbd solve problem.nc --out recovery.nc", 'tmca.dbd.load_problem("problem.nc")'),
