@@ -24,7 +24,7 @@ def view_axes(views: tuple[int, int]) -> dict[str, Axis]:
 
 def centred(count: int) -> NDArray[np.float64]:
     """Whole steps from the middle, or half ones of an even number: −1, 0, 1."""
-    return np.arange(count) - (count - 1) / 2
+    return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
 def colour_axis() -> Axis:

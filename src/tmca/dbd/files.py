@@ -81,7 +81,7 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
     for index, (name, planes) in enumerate(delay_doppler_planes(recovery).items()):
         for kind, plane in planes.items():
             dims = [f"{dim}_{kind}_{index}" for dim in map(str, plane.dims)]
-            marked = _about(kind.replace("_", " "), _extents(plane) | {"source": name})
+            marked = _about(str(kind).replace("_", " "), _extents(plane) | {"source": name})
             variables[f"{kind}_{index}"] = (dims, plane.values.astype(np.float32), marked)
     about = {"kind": f"{KIND}: recovery", "method": recovery.method, "residual": recovery.residual}
     about |= {"exact": int(recovery.exact), "seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
