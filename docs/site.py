@@ -13,6 +13,7 @@ from typing import Any
 import griffe
 import jupytext
 from cyclopts.help import PlainFormatter
+from file_formats import files_page
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -54,7 +55,7 @@ class Examples(griffe.Extension):
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages that are made."""
     made = {page: (ROOT / file).read_text() for page, file in TEXTS.items()}
-    made |= {"reference/commands.md": commands(), "reference/python.md": overview()}
+    made |= {"reference/commands.md": commands(), "reference/python.md": overview(), "reference/files.md": files_page()}
     made |= {f"reference/{room}.md": python(room) for room in ROOMS}
     for script in tutorials.SCRIPTS:
         made |= {f"tutorials/{script.stem}.md": tutorial(script), f"tutorials/{script.stem}.ipynb": notebook(script)}

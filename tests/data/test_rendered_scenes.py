@@ -32,6 +32,7 @@ def test_every_scene_is_complete(scenes):
         for cube in (scene.radiance, scene.reflectance):
             assert cube.dtype == np.float32
             assert 0 <= float(cube.min()) < float(cube.max()) <= 1
+        assert all({"units", "long_name"} <= set(variable.attrs) for variable in scene.variables.values())
         near, far = PHOTOGRAPHS[name].near, PHOTOGRAPHS[name].far
         assert near - 1e-3 <= float(scene.depth.min()) < float(scene.depth.max()) <= far + 1e-3
         assert scene.attrs["credit"]

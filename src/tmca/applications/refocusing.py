@@ -61,9 +61,10 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
     coords = {name: views.coords[name] for name in dims if name in views.coords}
     about = {"long_name": "photograph refocused from the views", "units": "1"}
     made = [xr.DataArray(refocused(views.values, float(s)), coords, dims, attrs=about) for s in steps]
+    focus = {"units": UNIT, "long_name": "disparity in focus"}
     if np.ndim(disparity) == 0:
-        return made[0].assign_coords(disparity=float(steps[0])).rename("refocused")
-    where = xr.DataArray(np.asarray(steps, np.float64), dims="disparity", attrs={"units": UNIT})
+        return made[0].assign_coords(disparity=((), float(steps[0]), focus)).rename("refocused")
+    where = xr.DataArray(np.asarray(steps, np.float64), dims="disparity", attrs=focus)
     stack: xr.DataArray = xr.concat(made, "disparity").assign_coords(disparity=where).rename("refocused")
     return stack
 

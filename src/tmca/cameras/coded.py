@@ -71,8 +71,8 @@ class BandCamera(Camera):
     def _band_coordinates(self) -> dict[str, Any]:
         metres = np.array(self.wavelengths)
         return {
-            "wavelength": ("wavelength", metres, {"units": "m"}),
-            "wavelength_nm": ("wavelength", metres * 1e9, {"units": "nm"}),
+            "wavelength": ("wavelength", metres, {"units": "m", "long_name": "wavelength"}),
+            "wavelength_nm": ("wavelength", metres * 1e9, {"units": "nm", "long_name": "wavelength"}),
         }
 
 

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import torch
 from pydantic import Json
 from torch import Tensor, nn
@@ -209,14 +208,13 @@ class LightFieldCamera(CodedCamera):
     def _variables(self, tiled: bool) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """``aperture`` (slot, y_mask, x_mask), ``shutter`` (slot, y, x) and ``vignetting`` (view_v, view_u).
         Attributes: exposure, shear and scale of the mask, sensor."""
+        from tmca.data.axes import view_axes
+
         parts, attributes = self._planes(tiled, ("y_mask", "x_mask"), ("y", "x"))
-        parts["vignetting"] = (("view_v", "view_u"), self.vignetting.numpy(force=True), {"units": "1"})
-        coordinates = {
-            name: (name, np.array(view_coordinates(count), dtype=float), {"units": "view steps"})
-            for name, count in zip(("view_v", "view_u"), self.views, strict=True)
-        }
+        weights = {"units": "1", "long_name": "weight of a view"}
+        parts["vignetting"] = (("view_v", "view_u"), self.vignetting.numpy(force=True), weights)
         optics = {"shear": json.dumps(list(self.shear.step)), "mask_scale": self.shear.scale}
-        return parts, coordinates, {**attributes, **optics}
+        return parts, view_axes(self.views), {**attributes, **optics}
 
     @classmethod
     def _settings(cls, dataset: xr.Dataset, where: str) -> dict[str, Any]:

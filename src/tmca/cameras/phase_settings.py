@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 FAMILIES = {
     "coefficients": (("slot", "mode"), {"units": "m", "long_name": "rms of Zernike modes over the aperture"}),
-    "noll": (("mode",), {"long_name": "Noll index of the mode"}),
+    "noll": (("mode",), {"units": "1", "long_name": "Noll index of the mode"}),
     "radii": (("slot", "radius"), {"units": "m", "long_name": "heights at even radii, from the middle to the rim"}),
 }
 """Variables of masks that are not free-form."""

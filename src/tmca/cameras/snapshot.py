@@ -72,6 +72,8 @@ class Snapshot(Summary, Generic[Kind]):
             ShapeError: several snapshots, or another size than the camera's.
             SettingError: values that are not finite.
         """
+        from tmca.data.axes import colour_axis
+
         dataset, axes = self.camera.variables(), self.camera.snapshot_axes(self.values)
         colours = 3 if "colour" in axes else 1
         remedy = "several snapshots are saved one by one"
@@ -81,7 +83,7 @@ class Snapshot(Summary, Generic[Kind]):
             raise SettingError("values", f"{unknown} that are not finite", "finite numbers", "fill them in")
         dataset["snapshot"] = (axes, values.reshape(_shape(values, axes, self.camera.buckets)), _MEANING)
         if colours == 3:
-            dataset = dataset.assign_coords(colour=("colour", ["red", "green", "blue"]))
+            dataset = dataset.assign_coords(colour=colour_axis())
         dataset.attrs = {**_stored_notes(self.notes), **dataset.attrs}
         return dataset
 

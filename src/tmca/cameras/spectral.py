@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 DISPERSERS = ("single", "dual")
+_DISPLACED = "columns by which the disperser displaces a band"
 PRESETS: dict[str, dict[str, Any]] = {
     # thesis 4.1, 4.2: 12 bands, 256×256, K = 8, one pixel per band. Assumed, as the thesis does not say: bands from
     # 400 to 700 nm, flat sensor response, codes of transmittance and duty one half, no noise.
@@ -205,11 +206,12 @@ class SpectralCamera(BandCamera, CodedCamera):
         single, origin = self.disperser == "single", self._origin
         axes = (("y", "x"), ("y", "x_sensor")) if single else (("y", "x_mask"), ("y", "x"))
         parts, attributes = self._planes(tiled, *axes)
-        displaced = {"units": "pixel", "direction": "along x, towards larger x"}
+        displaced = {"units": "pixel", "direction": "along x, towards larger x", "long_name": _DISPLACED}
         parts["displacement"] = ("wavelength", np.array(self.dispersion.displacement), displaced)
-        parts["response"] = ("wavelength", self.response.numpy(force=True), {"long_name": "sensor response"})
+        weights = {"units": "1", "long_name": "sensor response"}
+        parts["response"] = ("wavelength", self.response.numpy(force=True), weights)
         if self.coloured is not None:
-            meaning = {"long_name": "transmittance", "units": "1"}
+            meaning = {"long_name": "transmittance of the coloured aperture", "units": "1"}
             parts["coloured_aperture"] = (("wavelength", "y", "x"), self.coloured.numpy(force=True), meaning)
         coordinates = self._band_coordinates()
         if single and not tiled:

@@ -36,6 +36,8 @@ from tmca.optics import (
 from tmca.sensor import ColourCodedAperture, channel_response
 from tmca.specs import SpectralDepthSpec
 
+_RESPONSE = {"units": "1", "long_name": "response of a channel of the sensor"}
+
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
@@ -355,10 +357,10 @@ class SpectralDepthCamera(BandCamera):
         patterns, axes = by_bucket(self.shutter.tile(), self.slots, TILE if self.shutter.period else ("y", "x"))
         parts: dict[str, Any] = {
             "heights": (("slot", "y_mask", "x_mask"), heights().numpy(force=True), shown),
-            "shutter": (slotted(axes), compact(patterns), {"units": "1 = open"}),
-            "filters": (("filter", "wavelength"), passed, {"long_name": "transmittance"}),
-            "cells": (TILE, self.filters.cells().numpy(force=True), {"long_name": "index of the filter"}),
-            "response": (("channel", "wavelength"), self.response.numpy(force=True), {"long_name": "response"}),
+            "shutter": (slotted(axes), compact(patterns), {"units": "1 = open", "long_name": "shutter codes S"}),
+            "filters": (("filter", "wavelength"), passed, {"units": "1", "long_name": "transmittance of a filter"}),
+            "cells": (TILE, self.filters.cells().numpy(force=True), {"units": "1", "long_name": "filter over a pixel"}),
+            "response": (("channel", "wavelength"), self.response.numpy(force=True), _RESPONSE),
         }
         optics = {
             "bench": json.dumps(asdict(self.bench)), "depth": json.dumps(asdict(self.planes)),

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 Axes = Sequence[str]
+_SYMBOLS = {"aperture": "T", "shutter": "S"}
 TILE = ("y_tile", "x_tile")
 """Axes of one tile of codes that repeat."""
 MOST_PIXELS = 2**24
@@ -41,7 +42,7 @@ Frame = Annotated[tuple[_Side, _Side], AfterValidator(_few_enough)]
 def code_variables(planes: Iterable[Tensor], aperture: Axes, shutter: Axes) -> dict[str, Any]:
     """Variables ``aperture`` and ``shutter``, slot by slot on these axes; binary codes as bytes."""
     return {
-        name: (slotted(axes), compact(plane), {"long_name": f"{name} codes {name[0].upper()}", "units": "1 = open"})
+        name: (slotted(axes), compact(plane), {"long_name": f"{name} codes {_SYMBOLS[name]}", "units": "1 = open"})
         for name, axes, plane in zip(("aperture", "shutter"), (aperture, shutter), planes, strict=True)
     }
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.axes import COLOURS, colour_axis, view_axes
 from tmca.data.files import SUFFIXES as LABELLED
 from tmca.data.files import write_dataset
 from tmca.data.fitting import centre_window
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
     import xarray
 
 VIEW_DIMS = DIMS
-COLOURS = ("red", "green", "blue")
 LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of ITU-R BT.709."""
 NAMES = ("light_field", "estimate")
@@ -175,12 +175,10 @@ def label_light_field(pixels: NDArray[Any], attrs: dict[str, Any] | None = None)
     if pixels.ndim not in (4, 5) or (pixels.ndim == 5 and len(pixels) != len(COLOURS)):
         raise ShapeError("light field", f"shape {pixels.shape}", "(V, U, H, W) or (3, V, U, H, W)")
     dims = ("colour", *VIEW_DIMS)[-pixels.ndim :]
-    coords: dict[str, Any] = {
-        dim: (dim, centred(pixels.shape[dims.index(dim)]), {"units": "1", "long_name": f"view {word} from the centre"})
-        for dim, word in (("view_v", "rows"), ("view_u", "columns"))
-    }
+    rows, columns = pixels.shape[-4:-2]
+    coords: dict[str, Any] = view_axes((rows, columns))
     if pixels.ndim == 5:
-        coords["colour"] = ("colour", list(COLOURS))
+        coords["colour"] = colour_axis()
     return xarray.DataArray(pixels, coords, dims, name="light_field", attrs={**IRRADIANCE, **(attrs or {})})
 
 
@@ -195,11 +193,6 @@ def write_light_field(light_field: xarray.DataArray, path: str | Path, *, overwr
         expected = f"{VIEW_DIMS}, with colour before them if it has any"
         raise ShapeError("light field", f"dims {light_field.dims}", expected)
     return write_dataset(light_field, path, overwrite=overwrite)
-
-
-def centred(count: int) -> NDArray[np.float64]:
-    """View coordinates -(n-1)/2 … (n-1)/2."""
-    return np.arange(count, dtype=np.float64) - (count - 1) / 2
 
 
 def centre_views(grid: tuple[int, int], views: int | None, where: object) -> tuple[range, range]:

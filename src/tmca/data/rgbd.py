@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.axes import colour_axis
 from tmca.data.depth_maps import disparity_to_depth, label_depth, relative_depth, stored_metres
 from tmca.data.fitting import centre_window
 from tmca.data.formats import rgbd_files
@@ -17,7 +18,7 @@ from tmca.data.formats.images import read_picture
 from tmca.data.formats.opening import read_array
 from tmca.data.formats.rgbd_files import RgbdFiles, Stereo, find_rgbd
 from tmca.data.formats.views import open_views
-from tmca.data.light_fields import COLOURS, find_disparity, read_disparity, read_light_field
+from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.pixels import area_average, decoded, nearest, wrong_size
 from tmca.errors import DataError
 
@@ -68,7 +69,7 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
     units = {**IRRADIANCE, "long_name": f"linear sRGB, {QUANTITY}"}
     rgb = xr.DataArray(np.ascontiguousarray(linear), dims=("colour", "y", "x"), attrs=units)
     variables = {"rgb": rgb, "depth": label_depth(values, path)}
-    return xr.Dataset(variables, {"colour": ("colour", list(COLOURS))}, about)
+    return xr.Dataset(variables, {"colour": colour_axis()}, about)
 
 
 def rgbd_sources(path: str | Path) -> list[Path]:

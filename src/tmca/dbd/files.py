@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from tmca.dbd.recovery import Recovery
 
 KIND = "dual blind deconvolution"
+_POINTS = "normalised delay, Doppler and angle of the paths"
+_WAVEFORM = "coefficients of the waveform in its basis"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
@@ -40,15 +42,17 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
     Raises:
         OutputError: the file exists or cannot be written.
     """
-    variables = {"y": _parts(("antenna", "pulse", "frequency"), problem.y)}
+    variables = {"y": _parts(("antenna", "pulse", "frequency"), problem.y, "samples")}
     for index, source in enumerate(problem.sources):
         about = {"source": source.name, "weight": source.weight}
-        variables[f"basis_{index}"] = _parts(("pulse", "frequency", f"column_{index}"), source.rows, about)
-        variables[f"message_{index}"] = ("pulse", source.message)
+        columns = ("pulse", "frequency", f"column_{index}")
+        variables[f"basis_{index}"] = _parts(columns, source.rows, "rows of the known basis", about)
+        variables[f"message_{index}"] = ("pulse", source.message, _about("message that a pulse carries, from 0"))
     for index, truth in enumerate(problem.truth or ()):
-        variables[f"true_points_{index}"] = ((f"path_{index}", "axis"), truth.points)
-        variables[f"true_amplitudes_{index}"] = _parts((f"path_{index}",), truth.amplitudes)
-        variables[f"true_waveform_{index}"] = _parts((f"coefficient_{index}",), truth.waveform)
+        paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
+        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}"))
+        variables[f"true_amplitudes_{index}"] = _parts(paths, truth.amplitudes, "true gains of the paths")
+        variables[f"true_waveform_{index}"] = _parts(coefficient, truth.waveform, f"true {_WAVEFORM}")
     return _written(variables, {"kind": KIND, "sigma": problem.sigma}, problem, path, overwrite)
 
 
@@ -58,19 +62,27 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
     Raises:
         OutputError: the file exists or cannot be written.
     """
-    variables = {"q": _parts(("antenna", "pulse", "frequency"), recovery.q)}
+    variables = {
+        "q": _parts(("antenna", "pulse", "frequency"), recovery.q, "dual variable, whose polynomials show paths")
+    }
     for index, (source, given) in enumerate(zip(recovery.sources, recovery.problem.sources, strict=True)):
         about = {"source": source.name, "weight": given.weight, "relative_doppler": int(source.relative_doppler)}
-        variables[f"points_{index}"] = ((f"path_{index}", "axis"), source.points, about)
-        variables[f"amplitudes_{index}"] = _parts((f"path_{index}",), source.amplitudes, about)
-        variables[f"waveform_{index}"] = _parts((f"coefficient_{index}",), source.waveform, about)
-        variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, about)
+        paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
+        variables[f"points_{index}"] = ((*paths, "axis"), source.points, _about(_POINTS, about))
+        variables[f"amplitudes_{index}"] = _parts(paths, source.amplitudes, "gains of the paths", about)
+        variables[f"waveform_{index}"] = _parts(coefficient, source.waveform, _WAVEFORM, about)
+        variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, "signal that was sent", about)
         if source.bounds is not None:
-            variables[f"bounds_{index}"] = ((f"path_{index}", "axis"), source.bounds, about)
+            variables[f"bounds_{index}"] = (
+                (*paths, "axis"),
+                source.bounds,
+                _about(f"standard deviation of {_POINTS}", about),
+            )
     for index, (name, planes) in enumerate(delay_doppler_planes(recovery).items()):
         for kind, plane in planes.items():
             dims = [f"{dim}_{kind}_{index}" for dim in map(str, plane.dims)]
-            variables[f"{kind}_{index}"] = (dims, plane.values.astype(np.float32), _extents(plane) | {"source": name})
+            marked = _about(str(kind).replace("_", " "), _extents(plane) | {"source": name})
+            variables[f"{kind}_{index}"] = (dims, plane.values.astype(np.float32), marked)
     about = {"kind": f"{KIND}: recovery", "method": recovery.method, "residual": recovery.residual}
     about |= {"exact": int(recovery.exact), "seconds": recovery.seconds, "notes": "; ".join(recovery.notes)}
     about |= {"certificate": recovery.certificate_status, "sigma": recovery.sigma}
@@ -87,8 +99,14 @@ def _extents(plane: Any) -> dict[str, Any]:
     return extents
 
 
-def _parts(dimensions: Sequence[str], values: Complex, about: Mapping[str, Any] | None = None) -> tuple[Any, ...]:
-    return (*dimensions, "part"), np.stack([values.real, values.imag], axis=-1), about
+def _about(meaning: str, more: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    return {"long_name": meaning, "units": "1", **(more or {})}
+
+
+def _parts(
+    dimensions: Sequence[str], values: Complex, meaning: str, more: Mapping[str, Any] | None = None
+) -> tuple[Any, ...]:
+    return (*dimensions, "part"), np.stack([values.real, values.imag], axis=-1), _about(meaning, more)
 
 
 def _written(
@@ -100,7 +118,11 @@ def _written(
     units = {} if problem.units is None else asdict(problem.units)
     about |= {f"units_{name}": value for name, value in units.items()}
     known = {name: value for name, value in about.items() if value is not None}
-    coordinates = {"frequency": carriers(problem.shape[2]), "part": ["real", "imaginary"], "axis": list(AXES)}
+    coordinates = {
+        "frequency": ("frequency", carriers(problem.shape[2]), _about("number of the frequency, 0 in the middle")),
+        "part": ("part", ["real", "imaginary"], {"long_name": "part of a complex number"}),
+        "axis": ("axis", list(AXES), {"long_name": "coordinate of a path"}),
+    }
     return write_dataset(xarray.Dataset(variables, coordinates, known), path, overwrite=overwrite)
 
 

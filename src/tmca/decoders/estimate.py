@@ -72,9 +72,11 @@ class Estimate(Summary):
             parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
             attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
-        for name, plane, unit in (("depth", self.depth, "m"), ("confidence", self.confidence, "1")):
+        sure = "probability of the plane of the depth and its two neighbours"
+        maps_of = (("depth", self.depth, "m", f"depth {by}"), ("confidence", self.confidence, "1", sure))
+        for name, plane, unit, meaning in maps_of:
             if plane is not None:
-                maps, about = plane[:, 0].numpy(force=True), {"long_name": by, "units": unit}
+                maps, about = plane[:, 0].numpy(force=True), {"long_name": meaning, "units": unit}
                 several = len(maps) > 1
                 dims = ("snapshot", "y", "x") if several else ("y", "x")
                 parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)

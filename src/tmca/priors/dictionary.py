@@ -62,6 +62,10 @@ class PatchDictionary(Prior):
     of_rendered: ClassVar[bool] = False
     learned_by: ClassVar[str] = "`tmca prior learn-views … --dictionary --out …`"
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]] = {"atom": ("number", "view", "y", "x"), "scale": ("number",)}
+    meanings: ClassVar[Mapping[str, str]] = {
+        "atom": "atoms of unit norm, the most used first",
+        "scale": "mean absolute coefficient of an atom, relative irradiance",
+    }
     wavelengths: ClassVar[None] = None
     stated: ClassVar[type[Attributes]] = DictionaryAttributes
     atoms: Tensor

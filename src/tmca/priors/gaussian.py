@@ -46,6 +46,11 @@ class GaussianPrior(Prior):
         "covariance": ("pixel", "other_pixel"),
         "autocovariance": ("channel", "other_channel", "dy", "dx"),
     }
+    meanings: ClassVar[Mapping[str, str]] = {
+        "mean": "mean of a block, relative irradiance",
+        "covariance": "covariance of the pixels of a block, channel by channel and row by row",
+        "autocovariance": "covariance of two pixels of a block by their displacement, relative irradiance squared",
+    }
     mean: Tensor
     moments: Tensor
     wavelengths: tuple[float, ...] | None = None

@@ -76,6 +76,15 @@ class GaussianMixturePrior(Prior):
         "gain_level": ("gain",),
         "weight": ("kind", "gain"),
     }
+    meanings: ClassVar[Mapping[str, str]] = {
+        **GaussianPrior.meanings,
+        "basis": "orthonormal leading directions of the blocks",
+        "kind_mean": "mean of a kind of block along the leading directions, beside that of all",
+        "kind_covariance": "covariance of a kind of block along the leading directions",
+        "kind_scale": "covariance of a kind elsewhere, over that of all blocks",
+        "gain_level": "brightness of a gain",
+        "weight": "probability of a kind of block at a gain",
+    }
     settings_of_views: ClassVar[Mapping[str, Any]] = {"kinds": 8, "rank": 150, "gains": 4, "samples": 16_000}
     base: GaussianPrior
     basis: Tensor

@@ -36,6 +36,7 @@ class Prior(Summary, ABC):
     A subclass says what kind it is, and is then learned, found and read from files too; the package's ``__init__`` has
     to import it, or an entry point of the group ``tmca.priors`` to name it. Its class attributes: ``kind``; ``called``,
     with its article; ``learned_by``, the command that writes its file; ``dimensions`` of the arrays in its file;
+    ``meanings``, what these are, in a few words for whoever opens the file;
     ``in_files``, its kind as files spell it, where that differs; ``argument``, by which decoders take it; ``of_views``,
     whether it is of light fields alone; ``of_rendered``, whether that of the rendered scenes is learned where none is
     given; ``stated``, the model of ``attributes`` in a file; ``version`` of ``learn``, raised when it makes other
@@ -46,6 +47,7 @@ class Prior(Summary, ABC):
     called: ClassVar[str]
     learned_by: ClassVar[str]
     dimensions: ClassVar[Mapping[str, tuple[str, ...]]]
+    meanings: ClassVar[Mapping[str, str]] = {}
     in_files: ClassVar[str] = ""
     argument: ClassVar[str] = "prior"
     of_views: ClassVar[bool] = False
@@ -172,12 +174,20 @@ class Prior(Summary, ABC):
         """What its file holds, labelled."""
         import xarray as xr
 
-        variables = {name: (self.dimensions[name], values.cpu().numpy()) for name, values in self.arrays().items()}
+        from tmca.data.axes import WAVELENGTH
+
+        variables = {
+            name: (self.dimensions[name], values.cpu().numpy(), self._about(name))
+            for name, values in self.arrays().items()
+        }
         about = {"format": FORMAT, "kind": self.in_files or self.kind, "sources": "\n".join(self.sources)}
         data = xr.Dataset(variables, attrs={**about, "block": list(self.block), **self.attributes()})
         if self.wavelengths is not None:
-            data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), {"units": "m"}))
+            data = data.assign_coords(wavelength=("channel", np.array(self.wavelengths), WAVELENGTH))
         return data
+
+    def _about(self, name: str) -> dict[str, str]:
+        return {"units": "1", "long_name": self.meanings[name]} if name in self.meanings else {}
 
     @classmethod
     def load(cls, path: str | Path) -> Self:

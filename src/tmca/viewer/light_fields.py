@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import ESTIMATED, Contents, Stored, find_disparity, read_disparity
+from tmca.data.axes import centred
 from tmca.data.formats.wavelengths import divisor
-from tmca.data.light_fields import VIEW_DIMS, centred, has_colour
+from tmca.data.light_fields import VIEW_DIMS, has_colour
 from tmca.errors import TmcaError
 from tmca.plots.views import brightest, shown
 from tmca.viewer.cubes import ONE, said

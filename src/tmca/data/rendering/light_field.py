@@ -9,6 +9,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.axes import pixel_axes
 from tmca.data.pixels import encoded
 from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, photograph
 from tmca.data.rendering.pictures import COARSE, generator
@@ -220,5 +221,4 @@ def _dataset(pixels: NDArray[np.float32], disparity: NDArray[np.float32], about:
     height, width = disparity.shape
     light_field = label_light_field(pixels, {"name": about["name"], "source": "rendered", "pattern": "rendered"})
     truth = (("y", "x"), disparity, {"units": "px per view step", "long_name": "disparity, positive = nearer"})
-    coordinates = {"y": ("y", np.arange(height), {"units": "pixel"}), "x": ("x", np.arange(width), {"units": "pixel"})}
-    return xr.Dataset({"light_field": light_field, "disparity": truth}, coordinates, about)
+    return xr.Dataset({"light_field": light_field, "disparity": truth}, pixel_axes(height, width), about)

@@ -11,6 +11,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.axes import WAVELENGTH
 from tmca.data.pixels import encoded
 from tmca.data.rendering import measured
 from tmca.data.rendering.measured import primaries, rgb_observer
@@ -76,11 +77,14 @@ def label_spectra(
 
     # Rounding of averages may leave [0, 1] by a unit in the last place.
     reflectance, radiance = np.split(spectral.clip(0, 1), 2)
-    dims, unit = ("wavelength", "y", "x"), {"units": "1"}
-    variables = {"radiance": (dims, radiance, unit), "reflectance": (dims, reflectance, unit)}
-    light_of_bands = ("wavelength", light, unit)
-    coords = {"wavelength": ("wavelength", wavelengths, {"units": "m"})}
-    return xr.Dataset({**variables, "illuminant": light_of_bands}, coords, attrs)
+    dims = ("wavelength", "y", "x")
+    variables = {
+        "radiance": (dims, radiance, {"units": "1", "long_name": "relative irradiance"}),
+        "reflectance": (dims, reflectance, {"units": "1", "long_name": "reflectance"}),
+        "illuminant": ("wavelength", light, {"units": "1", "long_name": "light, relative to its brightest band"}),
+    }
+    coords = {"wavelength": ("wavelength", wavelengths, WAVELENGTH)}
+    return xr.Dataset(variables, coords, attrs)
 
 
 def _checked_picture(rgb: xr.DataArray | NDArray[np.float32]) -> NDArray[np.float32]:

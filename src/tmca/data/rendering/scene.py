@@ -10,6 +10,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from tmca.data.axes import pixel_axes
 from tmca.data.pixels import area_average, centre_crop, nearest
 from tmca.data.rendering.photographs import WHITE, linear_rgb, motorcycle_depth, photograph, staged_depth
 from tmca.data.rendering.pictures import (
@@ -78,8 +79,9 @@ def rendered_scene(
         "white_reflectance": WHITE,
         "seed": seed,
     }
-    scene = label_spectra(spectral, centres, light, about).assign(depth=(("y", "x"), depth, {"units": "m"}))
-    return scene.assign_coords({axis: (axis, np.arange(scene.sizes[axis]), {"units": "pixel"}) for axis in ("y", "x")})
+    metres = {"units": "m", "long_name": "depth"}
+    scene = label_spectra(spectral, centres, light, about).assign(depth=(("y", "x"), depth, metres))
+    return scene.assign_coords(pixel_axes(scene.sizes["y"], scene.sizes["x"]))
 
 
 def _render(

@@ -15,6 +15,7 @@ from tmca.data import plain
 from tmca.errors import DataError
 from tmca.lab.calibration.buckets import BucketMixing
 from tmca.lab.calibration.displacement import MeasuredDispersion, MeasuredShear
+from tmca.lab.calibration.meanings import about_field
 from tmca.lab.calibration.psf import PsfStack, ZernikeFit
 from tmca.lab.calibration.registration import Registration
 from tmca.lab.calibration.sensor import DarkField, FlatField, Linearity
@@ -59,16 +60,6 @@ DIMS: dict[str, dict[str, str]] = {
     },
     "wavefront": {"modes": "mode n_m", "coefficients": "mode", "std": "mode", "tilts": "depth tilt"},
 }  # fmt: skip
-UNITS = {
-    "matrix": "sensor pixels per code pixel, and sensor pixels",
-    "shifts": "sensor pixels",
-    "step": "sensor pixels per view",
-    "delay": "slots of the aperture",
-    "coefficients": "m rms of height",
-    "wavelengths": "m",
-    "depths": "m",
-    "exposures": "s",
-}
 _MAY_LACK = ("saturation", "deviations", "residual", "std", "leakage_std")
 """Fields that are NaN where they were not measured, or where as few values were fitted as there are unknowns."""
 _OF_STEP = ("residuals", "sources", "settings")
@@ -115,7 +106,7 @@ def group_of(name: str, part: Any, step: Mapping[str, Any]) -> xr.Dataset:
     attrs = {key: json.dumps(plain(step[key])) for key in _OF_STEP} | {"measured": step["measured"]}
     attrs |= {key: value for key, value in values.items() if isinstance(value, str)}
     variables = {
-        key: (_dims_of(name, key, np.asarray(value)), np.asarray(value), {"units": UNITS[key]} if key in UNITS else {})
+        key: (_dims_of(name, key, np.asarray(value)), np.asarray(value), about_field(kind_of(name), key))
         for key, value in values.items()
         if value is not None and not isinstance(value, str)
     }

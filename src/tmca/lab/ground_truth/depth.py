@@ -191,11 +191,14 @@ def _labelled(depth: Array, std: Array, why: Why, position: Array, phases: Phase
     import xarray as xr
 
     plane, known, about = ("y", "x"), why == 0, {"units": "m", "long_name": "standard deviation of the depth"}
+    reasons = ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))
+    column = {"units": "projector pixel", "long_name": "column of the projector that a pixel sees"}
+    contrast = {"units": "digital number", "long_name": "modulation of the finest fringes"}
     parts = {
         "depth": label_depth(np.where(known, depth, np.nan), capture.source),
         "depth_std": (plane, np.where(known, std, np.nan).astype(np.float32), about),
-        "confidence": (plane, why, {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}),
-        "position": (plane, np.where(known, position, np.nan).astype(np.float32), {"units": "projector pixel"}),
-        "modulation": (plane, phases.modulation[-1].astype(np.float32), {"units": "digital number"}),
+        "confidence": (plane, why, {"long_name": "why depth is unknown", "reasons": reasons}),
+        "position": (plane, np.where(known, position, np.nan).astype(np.float32), column),
+        "modulation": (plane, phases.modulation[-1].astype(np.float32), contrast),
     }
     return xr.Dataset(parts, attrs={"source": str(capture.source), "noise": phases.noise, "metric": True})

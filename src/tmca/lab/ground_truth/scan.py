@@ -224,9 +224,13 @@ def _labelled(scan: Scan, values: Array, std: Array, quality: NDArray[np.uint8])
 
     good = quality == 0
     cubes = [np.where(good, cube, np.nan).astype(np.float32) for cube in (values, std)]
-    metres, about = nm_to_metres(scan.nm), {"long_name": "reflectance"}
-    reflectance, spread = label(cubes[0], metres, about), label(cubes[1], metres, about)
+    metres = nm_to_metres(scan.nm)
+    reflectance, spread = (
+        label(cube, metres, {"long_name": meaning})
+        for cube, meaning in zip(cubes, ("reflectance", "standard deviation of the reflectance"), strict=True)
+    )
     reasons = {"reasons": ", ".join(f"{i} {name}" for i, name in enumerate(REASONS))}
+    reasons["long_name"] = "why a value is unknown"
     counts = {f"{name}_pixels": int((quality == i).sum()) for i, name in enumerate(REASONS) if i}
     flags = (("wavelength", "y", "x"), quality, reasons)
     cubes_by_name = {"reflectance": reflectance, "reflectance_std": spread, "quality": flags}

@@ -38,6 +38,13 @@ class _About(OpenAttributes):
     camera: str
 
 
+_MEANINGS = {
+    "snapshot": {"units": "relative irradiance", "long_name": "snapshots, 1 = one channel of a white scene"},
+    "estimate": {"units": "1", "long_name": "scenes estimated by the decoder"},
+    "log": {"long_name": "what was measured of a frame, see field"},
+}
+
+
 class Recording:
     """``with Recording(path, camera) as recording: recording.add(shown)``.
 
@@ -87,7 +94,8 @@ class Recording:
         import zarr
 
         with atomic_path(self.path, overwrite=self.overwrite) as temporary:
-            dataset = self.camera.variables().assign_coords(field=list(FIELDS)).assign_attrs(recording=FORMAT)
+            fields = ("field", list(FIELDS), {"long_name": "what a column of the log is"})
+            dataset = self.camera.variables().assign_coords(field=fields).assign_attrs(recording=FORMAT)
             dataset.to_zarr(temporary, mode="w-", consolidated=False, zarr_format=2)
             self._make_arrays(zarr.open_group(temporary, mode="r+", zarr_format=2).create_group(_FRAMES))
             _consolidate(temporary)
@@ -140,6 +148,7 @@ class Recording:
             kind = "f8" if name == "log" else "f4"
             array = group.create_array(name, shape=(0, *shape), chunks=(1, *shape), dtype=kind, fill_value=float("nan"))
             array.attrs["_ARRAY_DIMENSIONS"] = ["frame", *axes]
+            array.attrs.update(_MEANINGS[name])
 
 
 def _consolidate(path: Path) -> None:
