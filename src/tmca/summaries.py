@@ -9,7 +9,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from html import escape
 from io import BytesIO
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,6 +29,9 @@ _PICTURE = "background:#fff;border-radius:4px;max-width:100%;margin-top:4px"
 class Summary:
     """What is shown of itself as text and, in a notebook, as a table with a picture."""
 
+    _uncut: ClassVar[tuple[str, ...]] = ()
+    """Facts that are shown whole, however long."""
+
     def _facts(self) -> Mapping[str, str]:
         """What is told of it, by name: sizes, settings and results, no arrays."""
         return {}
@@ -39,7 +42,7 @@ class Summary:
 
     def __repr__(self) -> str:
         facts = [(name, " ".join(str(text).split())) for name, text in self._facts().items() if str(text)]
-        lines = (f"  {name}: {text[:_LONGEST]}{'…' * (len(text) > _LONGEST)}" for name, text in facts)
+        lines = (f"  {name}: {text if name in self._uncut else _cut(text)}" for name, text in facts)
         return "\n".join((type(self).__name__, *lines))
 
     def _repr_html_(self) -> str:
@@ -55,6 +58,10 @@ class Summary:
             f'<table style="{_TABLE}">{rows}</table>',
         )
         return f'<div style="font-family:sans-serif"><strong>{title}</strong>{table}{shown}</div>'
+
+
+def _cut(text: str) -> str:
+    return f"{text[:_LONGEST]}{'…' * (len(text) > _LONGEST)}"
 
 
 def data_uri(figure: Figure) -> str:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tmca.dbd import simulate, solve
+from tmca.dbd import Channel, Chirp, Problem, Truth, simulate, solve, waveform_source
 from tmca.dbd.model import LittleExplained
 from tmca.dbd.tables import recovery_lines
 
@@ -68,3 +68,52 @@ def test_a_basis_of_something_else_is_told_without_a_name():
     assert "are bases, messages and sigma those of y?" in line
     assert not recovery.found
     assert "found: no, the paths leave" in "\n".join(recovery_lines(recovery))
+
+
+def scene(bandwidth, targets, seed=0, snr_db=20):
+    """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of 15 frequencies in noise."""
+    source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, 15, 3e-6)
+    points = np.array([(delay, doppler, 0) for delay, doppler, _ in targets])
+    truth = Truth(points, np.array([gain for *_, gain in targets]), np.ones(1))
+    y = Channel.true(source, truth, (1, 9, 15)).samples().reshape(1, 9, 15)
+    sigma = np.sqrt(np.mean(np.abs(y) ** 2)) * 10 ** (-snr_db / 20)
+    noise = np.random.default_rng(seed).standard_normal((2, *y.shape)) / 2**0.5
+    return Problem(y + sigma * (noise[0] + 1j * noise[1]), (source,), sigma)
+
+
+THREE = ((0.09, 0.12, 1), (0.25, 0.62, 0.8j), (0.44, 0.84, -0.7))
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("share", [0.5, 0.875, pytest.param(2, marks=pytest.mark.slow)])
+def test_another_pulse_than_the_one_that_was_given_is_suspected(share, known):
+    problem = scene(4e6, THREE)
+    wrong = replace(problem, sources=scene(4e6 * share, THREE).sources, sigma=problem.sigma if known else None)
+    recovery, [line] = told(wrong)
+    assert "3 with another pulse explain 99." in line
+    assert line.endswith("is the pulse of radar right?")
+    assert not recovery.found
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(
+    "targets",
+    [
+        THREE,
+        [(0.1 * place, 0.3, 1j**place) for place in range(1, 6)],  # all as fast
+        [(0.08, 0.2, 1), (0.3, 0.2, 0.7), (0.45, 0.2, -0.9), (0.15, 0.7, 1), (0.26, 0.7, 0.8j)],
+    ],
+)
+def test_targets_of_one_velocity_are_left_alone_with_the_right_pulse(targets, known):
+    problem = scene(4e6, targets, seed=1)
+    recovery, lines = told(problem if known else replace(problem, sigma=None))
+    assert (lines, len(recovery["radar"])) == ([], len(targets))
+
+
+def test_the_verdict_on_a_doubtful_recovery_comes_first_and_whole():
+    problem = scene(4e6, THREE)
+    recovery, [line] = told(replace(problem, sources=scene(2e6, THREE).sources))
+    assert recovery_lines(recovery)[0].startswith(f"found: no, {line}")
+    assert line in repr(recovery)
+    title = " ".join(recovery.plot().get_suptitle().split())
+    assert title == f"in doubt: {line}"

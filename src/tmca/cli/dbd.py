@@ -172,6 +172,8 @@ def solve(
         )  # fmt: skip
     save_recovery(recovery, out, overwrite=overwrite)
     line = f"{recovery.unexplained:.2%} of the samples' energy is unexplained"
+    if recovery.doubt:
+        line = f"in doubt: {recovery.doubt} ({line})"
     drawn = planes_figure([Plane(**plane) for plane in planes(recovery, axes)], line, figure.suffix.lower() == ".pdf")
     save_figure(drawn, figure, overwrite=overwrite)
     if csv:

@@ -11,7 +11,8 @@ import numpy as np
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, relative_residual, unknowns
 from tmca.dbd.frank_wolfe import frank_wolfe
-from tmca.dbd.model import Complex, Problem, Source
+from tmca.dbd.model import Complex, Problem, Source, is_radar
+from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_other_pulse
 
 _LITTLE, _SIGMAS = 0.5, 5.0
 """Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
@@ -79,7 +80,9 @@ def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exac
     if meant:
         count = sum(map(len, channels))
         return f"{alone or f'{count} paths explain {1 - left**2:.0%}, other bases need fewer'}; {meant}"
-    return alone and f"{alone}: are bases, messages and sigma those of y?"
+    if alone is None:
+        return another_pulse(problem, channels, left)
+    return f"{alone}: are bases, messages and sigma those of y? is y pulses x frequencies, lowest frequency first?"
 
 
 def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
@@ -95,6 +98,29 @@ def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | 
         return (
             f"{count} paths with {unknowns(channels)} unknowns fit {2 * problem.y.size} real samples: any basis would"
         )
+    return None
+
+
+def another_pulse(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
+    """The source whose pulse seems to be another one: any pulse, with a path for each velocity, explains more; or None.
+
+    By the Bayesian information criterion, so that the unknowns of that pulse have to pay.
+    """
+    least, poor = _criterion(channels, left**2, problem), left**2 > noise_share(problem)
+    for index, one in enumerate(channels):
+        if not (len(one) > 1 and has_one_pulse(one)):
+            continue
+        velocities = groups_of_dopplers(one.points, problem.shape[1]).max() + 1
+        if not poor and len(one) == velocities:
+            continue
+        other = with_other_pulse(problem, channels, index)
+        remains, count = relative_residual(other, problem.y) ** 2, len(other[index])
+        if count > 1 and _criterion(other, remains, problem) < least:  # one would do with any row of targets
+            word = "targets" if is_radar(one.name) else "paths"
+            return (
+                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, {count} with another "
+                f"pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
+            )
     return None
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import AXES, Problem, Real, centred, from_zero, is_radar
+from tmca.dbd.model import AXES, Problem, Real, centred, distance, from_zero, is_radar
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -30,7 +30,7 @@ _SHARED = {
     "power_db": ("dB", "power, 20 log10 of the gain"),
 }
 """Unit and meaning of every number of a path."""
-WORDS = ("name", "role", "source", "relative_doppler")
+WORDS = ("name", "role", "source", "relative_doppler", "not_resolved_from")
 
 
 def path_rows(recovery: Recovery) -> list[dict[str, Any]]:
@@ -38,13 +38,17 @@ def path_rows(recovery: Recovery) -> list[dict[str, Any]]:
 
     ``name`` is such as ``target 1`` or ``path 2`` (with the source where several have targets or paths), ``role`` is
     ``radar`` or ``communications``. Numbers that have a Cramér–Rao bound at the estimated noise have a column more,
-    ``…_std``, one standard deviation. What does not apply is None.
+    ``…_std``, one standard deviation. What does not apply is None. ``not_resolved_from`` names a stronger path of the same
+    source within a resolution cell, from which it is no farther than their standard deviation; else it is empty.
     """
     names, rows = path_names(recovery), []
     for channel in recovery:
         for index in map(int, np.argsort(channel.points[:, 0])):
             row: dict[str, Any] = {"name": names[channel.name, index], "role": _role(channel), "source": channel.name}
-            rows.append(row | {"relative_doppler": channel.relative_doppler} | _numbers(channel, index, recovery))
+            other = unresolved_from(channel, index)
+            row |= {"relative_doppler": channel.relative_doppler}
+            row["not_resolved_from"] = "" if other is None else names[channel.name, other]
+            rows.append(row | _numbers(channel, index, recovery))
     return rows
 
 
@@ -57,6 +61,18 @@ def path_names(recovery: Recovery) -> dict[tuple[str, int], str]:
         for number, index in enumerate(map(int, np.argsort(channel.points[:, 0])), start=1):
             names[channel.name, index] = f"{of}{word} {number}"
     return names
+
+
+def unresolved_from(channel: Channel, index: int) -> int | None:
+    """The strongest path within a resolution cell of a weaker one whose distance is within the deviation of both."""
+    if channel.bounds is None or not len(channel):
+        return None
+    bounds = np.nan_to_num(channel.bounds[:, channel.atoms.columns], nan=np.inf)
+    apart = distance(channel.positions, channel.positions[index])
+    within = np.max(apart * channel.atoms.counts, axis=1) < 1
+    strengths = np.abs(channel.amplitudes)
+    near = within & np.all(apart <= np.hypot(bounds, bounds[index]), axis=1) & (strengths > strengths[index])
+    return int(np.argmax(np.where(near, strengths, -1))) if near.any() else None
 
 
 def _role(channel: Channel) -> str:
@@ -118,7 +134,8 @@ def path_frame(recovery: Recovery) -> pd.DataFrame:
     frame = pd.DataFrame(rows, columns=list(rows[0]) if rows else [*WORDS, *_SHARED])
     numbers = [name for name in frame if name not in WORDS]
     frame[numbers] = frame[numbers].astype(float)
-    return frame.drop(columns=[name for name in numbers if rows and frame[name].isna().all()])
+    nothing = [name for name in numbers if rows and frame[name].isna().all()]
+    return frame.drop(columns=nothing if frame["not_resolved_from"].any() else [*nothing, "not_resolved_from"])
 
 
 def path_dataset(recovery: Recovery) -> xr.Dataset:
@@ -126,7 +143,7 @@ def path_dataset(recovery: Recovery) -> xr.Dataset:
     import xarray as xr
 
     frame = path_frame(recovery)
-    words = {name: ("path", frame[name].to_numpy()) for name in WORDS if name != "name"}
+    words = {name: ("path", frame[name].to_numpy()) for name in WORDS if name != "name" and name in frame}
     variables = {}
     for name in (one for one in frame if one not in WORDS):
         unit, meaning = _SHARED[name.removesuffix("_std")]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -37,8 +37,8 @@ class Recovery(Summary):
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
         doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
-            other energy is left, nearly as many unknowns as samples were needed, or another sign or order of the
-            bases explains the samples better.
+            other energy is left, nearly as many unknowns as samples were needed, or another pulse, or another sign or
+            order of the bases, explains the samples better.
     """
 
     problem: Problem = field(repr=False)
@@ -52,6 +52,7 @@ class Recovery(Summary):
     seconds: float
     notes: tuple[str, ...] = ()
     doubt: str | None = None
+    _uncut: ClassVar[tuple[str, ...]] = ("doubt",)
 
     @property
     def found(self) -> bool:
@@ -108,7 +109,8 @@ class Recovery(Summary):
         from tmca.dbd.planes import planes
         from tmca.plots.dbd import Plane, planes_figure
 
-        return planes_figure([Plane(**plane) for plane in planes(self)])
+        line = f"in doubt: {self.doubt}" if self.doubt else ""
+        return planes_figure([Plane(**plane) for plane in planes(self)], line)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:
         """(n, 3) delay, Doppler and angle of all paths, source after source."""
@@ -117,10 +119,11 @@ class Recovery(Summary):
     def _facts(self) -> dict[str, str]:
         counts = (f"{one.name} {len(one)} path{'s'[: len(one) != 1]}" for one in self.sources)
         return {
+            "found": "no" * (not self.found),
+            "doubt": self.doubt or "",
             "problem": f"{sizes(self.problem.shape)} (antennas, pulses, frequencies)",
             "paths": ", ".join(counts),
             "unexplained": "nothing: an exact fit" if self.exact else f"{self.unexplained:.2g} of the energy",
-            "doubt": self.doubt or "",
             "certificate": self.certificate_status,
             "noise": "not known" if self.sigma is None else f"{self.sigma:.3g}" if self.sigma else "none",
             "method": f"{self.method}, {self.seconds:.2g} s",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import Problem
+from tmca.dbd.model import Problem, is_radar
 from tmca.dbd.paths import coordinates, finite, path_names, path_rows, quantities
 from tmca.dbd.separation import joint_separation
 
@@ -80,22 +80,28 @@ def separation_line(recovery: Recovery) -> str:
 
 
 def recovery_lines(recovery: Recovery, markdown: bool = False) -> list[str]:
-    """A table for every source, as Markdown if asked for, the flags, and what cannot be known."""
-    lines, rows = [], path_rows(recovery)
+    """A table for every source, as Markdown if asked for, the flags (first in doubt), and what cannot be known."""
+    tables: list[str] = []
+    rows = path_rows(recovery)
     for source in recovery.sources:
-        lines += [*_source_lines(source, rows, recovery.problem, markdown), ""]
+        tables += [*_source_lines(source, rows, recovery.problem, markdown), ""]
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
-    lines.append(
+    verdict = (
         f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
         f"certificate: {recovery.certificate_status} · unexplained {recovery.unexplained:.2%} · "
         f"noise {noise} · {recovery.seconds:.2f} s"
     )
+    lines = [verdict, "", *tables] if recovery.doubt else [*tables, verdict]
     if any(map(len, recovery)):
         lines.append(separation_line(recovery))
     if recovery.problem.truth is not None:
         score = recovery.score()
         wrong = not np.isfinite(score.max_error)
-        error = "wrong number of paths" if wrong else f"largest error {score.max_error:.2g}"
+        error = (
+            "wrong number of paths"
+            if wrong
+            else f"largest error {score.max_error:.2g} in normalised coordinates, 0 to 1"
+        )
         lines.append(f"against the truth: {'success' if score.success else 'no success'} ({error})")
     return [*lines, *(f"note: {note}" for note in recovery.notes)]
 
@@ -113,8 +119,14 @@ def _source_lines(source: Channel, rows: list[dict[str, Any]], problem: Problem,
     if not mine:
         return [f"{source.name}: no paths"]
     shown = [_cells(row, problem, source.relative_doppler) for row in mine]
+    if any(row["not_resolved_from"] for row in mine):
+        shown = [
+            cells | {"not resolved from": row["not_resolved_from"]} for cells, row in zip(shown, mine, strict=True)
+        ]
     table = [tuple(shown[0]), *(tuple(cells.values()) for cells in shown)]
     title = f"{source.name}: {len(mine)} path{'s' if len(mine) > 1 else ''}"
+    if problem.units is not None:
+        title += ", there and back" if is_radar(source.name) else ", one way"
     if markdown:
         table.insert(1, ("---",) * len(table[0]))
         return [title, "", *(f"| {' | '.join(cells)} |" for cells in table)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -139,7 +140,7 @@ def _finish(figure: Figure, axes: Any, images: Sequence[Any], line: str, look: _
     where: dict[str, Any] = {"loc": "outside lower center", "ncols": 4, "fontsize": look.small, "frameon": False}
     figure.legend(handles.values(), handles.keys(), **where)
     if line:
-        figure.suptitle(line, fontsize=look.title)
+        figure.suptitle(fill(line, 55 if look.mark < 1 else 105), fontsize=look.title)
 
 
 def _enlarged(planes: Sequence[Plane]) -> float:
