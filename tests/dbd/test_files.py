@@ -84,6 +84,14 @@ def test_arrays_beyond_what_may_be_loaded_are_not(tmp_path, monkeypatch):
         load_problem(tmp_path / "large.npz")
 
 
+@pytest.mark.parametrize("suffix", [".mat", ".sigmf-meta", ".npy"])
+def test_recordings_are_referred_to_what_makes_samples_of_them(tmp_path, suffix):
+    file = tmp_path / f"own{suffix}"
+    file.write_bytes(b"0")
+    with pytest.raises(DataError, match=r"or an \.npz; y is made by tmca\.dbd\.read_recording and"):
+        load_problem(file)
+
+
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut", b"\x93NUMPY", None])
 def test_archives_without_samples_are_named(tmp_path, content):
     np.savez(tmp_path / "x.npz", basis_radar=np.ones((7, 2)))

@@ -57,6 +57,25 @@ def test_frames_files_and_arrays_say_the_same(road):
     assert recovery_values(road)["paths"] == path_rows(road)
 
 
+def test_targets_that_are_not_resolved_are_marked(road):
+    radar, link = road.sources
+    cell = 1 / road.problem.shape[2]
+    points, bounds = radar.positions.copy(), radar.bounds.copy()
+    points[1], bounds[1, :2] = points[0] + (0.3 * cell, 0), 0.4 * cell
+    for factor, names in ((1.0, ["", "target 1", ""]), (0.1, ["", "", ""])):
+        near = replace(radar, positions=points, bounds=factor * bounds, amplitudes=np.array([1, 0.5 + 0j]))
+        recovery = replace(road, sources=(near, link))
+        assert [row["not_resolved_from"] for row in path_rows(recovery)] == names
+        assert ("not_resolved_from" in path_csv(recovery)) == any(names)
+        assert any(line.endswith("  target 1") for line in recovery_lines(recovery)) == any(names)
+        assert ("not_resolved_from" in recovery.to_xarray().coords) == any(names)
+
+
+def test_tables_say_who_is_there_and_back(road):
+    lines = recovery_lines(road)
+    assert {"radar: 2 paths, there and back", "communications: 1 path, one way"} <= set(lines)
+
+
 def test_without_a_carrier_dopplers_stay_in_hertz():
     problem = replace(simulate(M=9, P=5, J=2, targets=1, paths=1, seed=2), units=Units(1e-6, 2e4))
     frame = solve(problem, certify=False).to_pandas()

@@ -11,7 +11,7 @@ import pytest
 
 from tests.dbd.loops import noise, samples
 from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
-from tmca.dbd.model import LittleExplained, SameSignals
+from tmca.dbd.model import LittleExplained, SameSignals, taken_one_way
 from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
 
@@ -193,6 +193,13 @@ def test_sizes_beyond_the_memory_are_refused_before_the_work(method, frequencies
     source = Source("radar", np.ones((frequencies, 1)), [0])
     with pytest.raises(SettingError, match=f"{frequencies} samples, about .* GB, expected at most .* on this machine"):
         solve(Problem(np.ones((1, frequencies)), (source,), 0.0), method)
+
+
+@pytest.mark.parametrize(("name", "near"), [("radr", True), ("Radar 2", True), ("radio", False), ("radar 2", False)])
+def test_a_name_that_may_be_a_misspelt_radar_is_warned_of(name, near):
+    source = replace(simulate(M=5, P=3, J=1, targets=1, paths=0).sources[0], name=name)
+    lines = taken_one_way(Problem(np.ones((3, 5)), (source,)))
+    assert any("did you mean radar?" in line for line in lines) == near
 
 
 def test_units_give_seconds_and_hertz():

@@ -123,6 +123,24 @@ def test_files_that_are_no_scenario_are_named(tmp_path, text):
         read_scenario(file)
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "bandwith_hz: 1e7",
+            r"found bandwith_hz, expected targets, paths, bandwidth_hz, .*; did you mean bandwidth_hz\?",
+        ),
+        ("targets: [{range: 1, velocity_m_s: 2}]", r"range_m, velocity_m_s, gain, angle_deg; did you mean range_m\?"),
+        ("paths: [{length_m: 1, velocity_m_s: 2, colour: 3}]", r"found paths.0.colour, expected length_m, vel"),
+    ],
+)
+def test_names_that_a_scenario_does_not_have_are_answered_with_those_it_has(tmp_path, text, said):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(DataError, match=said):
+        read_scenario(file)
+
+
 def test_numbers_of_targets_are_finite():
     with pytest.raises(SettingError) as caught:
         Target(60.0, float("nan"))

@@ -182,7 +182,8 @@ def test_waveforms_of_the_command_line_and_of_yaml_are_the_same(tmp_path):
     [
         ("radar=tone:f=1", "one of chirp, ofdm, samples"),
         ("radar=chirp:bandwidth=8e6", "duration"),
-        ("radar=chirp:bandwidth=8e6,duration=1e-6,colour=red", "colour"),
+        ("radar=chirp:bandwidth=8e6,duration=1e-6,colour=red", "found colour=, expected bandwidth, duration"),
+        ("radar=chirp:bandwidth=8e6,durations=1e-6", "did you mean duration?"),
         ("radar=chirp:bandwidth=0,duration=1e-6", "bandwidth of a chirp"),
         ("link=ofdm:subcarriers=3,unknowns=4", "fewer unknowns"),
         ("nowhere.yaml", "no such file"),
@@ -196,7 +197,7 @@ def test_bad_waveforms_are_refused(given, said):
 def test_a_missing_setting_or_name_is_said_in_words():
     with pytest.raises(SettingError) as raised:
         read_waveforms("radar=chirp:duration=1e-6")
-    assert str(raised.value) == "waveform radar: found no bandwidth_hz, expected bandwidth_hz, duration_s, pieces"
+    assert str(raised.value) == "waveform radar: found no bandwidth=, expected bandwidth, duration, pieces"
     with pytest.raises(SettingError, match="without a NAME, expected NAME=KIND"):
         read_waveforms("=chirp:bandwidth=8e6,duration=1e-6")
 

@@ -118,8 +118,8 @@ def another_pulse(problem: Problem, channels: Sequence[Channel], left: float) ->
         if count > 1 and _criterion(other, remains, problem) < least:  # one would do with any row of targets
             word = "targets" if is_radar(one.name) else "paths"
             return (
-                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, {count} with another "
-                f"pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
+                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, {count} with "
+                f"another pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
             )
     return None
 

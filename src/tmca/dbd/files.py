@@ -21,6 +21,7 @@ from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
 from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
 from tmca.dbd.planes import delay_doppler_planes
+from tmca.dbd.recordings import DATA, META
 from tmca.dbd.simulation import carriers
 from tmca.dbd.waveforms import Waveform, with_waveforms
 from tmca.errors import DataError, TmcaError, check_shape
@@ -33,6 +34,7 @@ _POINTS = "normalised delay, Doppler and angle of the paths"
 _WAVEFORM = "coefficients of the waveform in its basis"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
+_RECORDINGS = (".mat", ".npy", META, DATA)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
 
@@ -147,6 +149,9 @@ def load_problem(path: str | Path, waveforms: Mapping[str, Waveform] | None = No
     if not path.is_file():
         there = "a folder" if path.is_dir() else "no such file"
         raise DataError(path, there, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
+    if path.suffix in _RECORDINGS:
+        remedy = "y is made by tmca.dbd.read_recording and tmca.dbd.spectra_of_recording; write it with np.savez"
+        raise DataError(path, f"the suffix {path.suffix!r}", "a file of `tmca dbd simulate` (.nc) or an .npz", remedy)
     try:
         if path.suffix == ".npz":
             return _from_arrays(_npz_arrays(path, waveforms or {}), waveforms or {})

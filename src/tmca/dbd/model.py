@@ -86,6 +86,10 @@ class Units:
             return np.rad2deg(deviations / (self.spacing * cosine))
 
 
+_NEAR_RADAR = 0.75
+"""How like ``radar`` a name is that may be a misspelt one; ``radio`` is less."""
+
+
 def is_radar(name: str) -> bool:
     """Whether the delays of a source are there and back."""
     return name.startswith("radar")
@@ -281,6 +285,21 @@ class SameSignals(UserWarning):
 
 class LittleExplained(UserWarning):
     """Paths that leave most of the samples unexplained."""
+
+
+class OneWay(UserWarning):
+    """A source whose name is nearly that of a radar is taken one way."""
+
+
+def taken_one_way(problem: Problem) -> list[str]:
+    """The sources whose names may be a misspelt ``radar``, whose delays then are not there and back."""
+    from difflib import get_close_matches
+
+    return [
+        f"{one.name} is taken one way, as a path of a transmitter; did you mean radar?"
+        for one in problem.sources
+        if not is_radar(one.name) and get_close_matches(one.name.lower(), ["radar"], 1, _NEAR_RADAR)
+    ]
 
 
 def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:

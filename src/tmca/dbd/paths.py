@@ -38,8 +38,8 @@ def path_rows(recovery: Recovery) -> list[dict[str, Any]]:
 
     ``name`` is such as ``target 1`` or ``path 2`` (with the source where several have targets or paths), ``role`` is
     ``radar`` or ``communications``. Numbers that have a Cramér–Rao bound at the estimated noise have a column more,
-    ``…_std``, one standard deviation. What does not apply is None. ``not_resolved_from`` names a stronger path of the same
-    source within a resolution cell, from which it is no farther than their standard deviation; else it is empty.
+    ``…_std``, one standard deviation. What does not apply is None. ``not_resolved_from`` names a stronger path of the
+    same source within a resolution cell, from which it is no farther than their standard deviation; else it is empty.
     """
     names, rows = path_names(recovery), []
     for channel in recovery:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import pathlib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,11 +29,13 @@ from tmca.dbd.simulation import (
     overlaid,
     unit_vector,
 )
-from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range
+from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range, did_you_mean
 from tmca.summaries import Summary
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
+_UNKNOWN_NAME = "unexpected_keyword_argument"
+"""Pydantic's name of that error."""
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 _MOST = 1e30
@@ -383,11 +385,15 @@ def read_scenario(source: str | pathlib.Path) -> Scenario:
     try:
         return TypeAdapter(Scenario).validate_python(_plain(described))
     except ValidationError as error:
-        first = error.errors()[0]
+        first = sorted(error.errors(), key=lambda one: one["type"] != _UNKNOWN_NAME)[0]  # may be a misspelt one
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, TmcaError):
             raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
         place = ".".join(map(str, first["loc"]))
+        if first["type"] == _UNKNOWN_NAME:
+            described_by = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
+            known = [one.name for one in fields(described_by)]
+            raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
         raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
 
 

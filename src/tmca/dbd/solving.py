@@ -19,11 +19,13 @@ from tmca.dbd.model import (
     BeyondFreedom,
     Complex,
     LittleExplained,
+    OneWay,
     Problem,
     SameSignals,
     ambiguities,
     beyond_freedom,
     same_signals,
+    taken_one_way,
 )
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.recovery import Recovery
@@ -78,9 +80,11 @@ def solve(
         SettingError: an unknown method, weights that do not fit, a size beyond the method's memory.
 
     Warns:
+        OneWay: a source whose name is nearly ``radar``.
         SameSignals, BeyondFreedom: problems that have no unique answer.
         LittleExplained: a recovery that leaves half of the signal or more, or has nearly as many unknowns as there
-            are samples; or bases whose conjugate, or whose reverse in frequency, explains the samples better.
+            are samples; or bases whose conjugate, or whose reverse in frequency, or another pulse, explains the
+            samples better.
     """
     began = time.perf_counter()
     check_choice("method", method, METHODS)
@@ -89,6 +93,8 @@ def solve(
     if not np.any(problem.y):
         raise SettingError("y", "only zeros", "samples of a signal")
     problem = _weighted(problem, weights)
+    for name in taken_one_way(problem):
+        warnings.warn(name, OneWay, stacklevel=2)
     for same in same_signals(problem):
         warnings.warn(same, SameSignals, stacklevel=2)
     excess = problem.truth and beyond_freedom(problem, [len(one.points) for one in problem.truth])

@@ -15,8 +15,10 @@ import numpy as np
 
 from tmca.dbd.model import Complex, Problem, Source
 from tmca.dbd.simulation import MOST_FREQUENCIES, MOST_NUMBERS, carriers
-from tmca.errors import DataError, SettingError, ShapeError, check_range
+from tmca.errors import DataError, SettingError, ShapeError, check_range, did_you_mean
 
+_UNKNOWN_NAME = "unexpected_keyword_argument"
+"""Pydantic's name of that error."""
 _OVERSAMPLING = 16
 """Samples of a chirp for every inverse of its bandwidth or of the receiver's, whichever is less."""
 
@@ -301,13 +303,18 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
     try:
         waveform: Waveform = TypeAdapter(made).validate_python(settings)
     except ValidationError as error:
-        first = error.errors()[0]
+        first = sorted(error.errors(), key=lambda one: one["type"] != _UNKNOWN_NAME)[0]  # may be a misspelt one
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, SettingError):
             raise SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
-        place, known = ".".join(map(str, first["loc"])), ", ".join(names)
-        if first["type"] == "missing":
-            raise SettingError(where, f"no {place}", known) from error
+        shown = {name: short for short, name in full.items()}
+        place = ".".join(str(shown.get(one, one)) for one in map(str, first["loc"]))
+        options = [shown.get(name, name) for name in names]
+        known = ", ".join(options)
+        if first["type"] in ("missing", "missing_argument"):
+            raise SettingError(where, f"no {place}=", known) from error
+        if first["type"] == _UNKNOWN_NAME:
+            raise SettingError(where, f"{place}=", known, did_you_mean(place, options)) from error
         raise SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}") from error
     if isinstance(waveform, SampledWaveform):
         return SampledWaveform(folder / waveform.file, *list(vars(waveform).values())[1:])
