@@ -101,5 +101,5 @@ def test_a_scene_is_told_in_metres_with_bounds(capsys, tmp_path):
     ):  # fmt: skip
         assert abs(found[name] - true) < 5 * found[f"{name}_bound"] < 5
     printed = said(capsys, "dbd", "solve", "overlaid.nc", "--out", "again.nc")
-    assert "radar: 1 path\n" in printed
+    assert "radar: 1 path, there and back\n" in printed
     assert all(heading in printed for heading in ("range, m", "length, m", "velocity, m/s", "angle, degrees"))
