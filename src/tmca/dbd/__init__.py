@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from tmca.dbd.planes import delay_doppler_planes
     from tmca.dbd.recordings import read_recording
     from tmca.dbd.recovery import Recovery, Score, score
-    from tmca.dbd.scenario import Path, Scenario, Target, read_scenario
+    from tmca.dbd.scenario import Path, Scenario, Target
+    from tmca.dbd.scenario_files import read_scenario
     from tmca.dbd.separation import Separation, joint_separation
     from tmca.dbd.simulation import BASES, MESSAGES, simulate
     from tmca.dbd.solving import GRAMS, METHODS, solve
@@ -50,7 +51,8 @@ _HOMES = {
     "planes": ("delay_doppler_planes",),
     "recordings": ("read_recording",),
     "recovery": ("Recovery", "Score", "score"),
-    "scenario": ("Path", "Scenario", "Target", "read_scenario"),
+    "scenario": ("Path", "Scenario", "Target"),
+    "scenario_files": ("read_scenario",),
     "separation": ("Separation", "joint_separation"),
     "simulation": ("BASES", "MESSAGES", "simulate"),
     "waveforms": (

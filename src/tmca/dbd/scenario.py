@@ -10,10 +10,9 @@ A :class:`Scenario` describes; :meth:`Scenario.draw` draws codes and symbols, wh
 
 from __future__ import annotations
 
-import pathlib
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,13 +28,9 @@ from tmca.dbd.simulation import (
     overlaid,
     unit_vector,
 )
-from tmca.errors import DataError, SettingError, TmcaError, check_choice, check_range, did_you_mean
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.summaries import Summary
-from tmca.yaml_files import read_yaml
 
-_SCENARIOS = pathlib.Path(__file__).parent / "scenarios"
-_UNKNOWN_NAME = "unexpected_keyword_argument"
-"""Pydantic's name of that error."""
 _OVERSAMPLING = 32
 """Time samples per inverse bandwidth; the spectra are sums over them."""
 _MOST = 1e30
@@ -364,43 +359,3 @@ class Scene:
         symbols = self.sources[1].signal(self.truth[1].waveform)[interval]
         waves = np.exp(2j * np.pi * np.outer(time, carriers(len(symbols))) / self.scenario.useful_s)
         return np.where(time >= -self.scenario.prefix_s, waves @ symbols, 0)
-
-
-def read_scenario(source: str | pathlib.Path) -> Scenario:
-    """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
-
-    Raises:
-        DataError: no such file or name, or a file that is no such description.
-        SettingError: values that make no scenario.
-    """
-    from pydantic import TypeAdapter, ValidationError
-
-    named = _SCENARIOS / f"{source}.yaml"
-    file = named if named.is_file() else pathlib.Path(source)
-    if not file.is_file():
-        shipped = sorted(known.stem for known in _SCENARIOS.glob("*.yaml"))
-        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(shipped)}")
-    described = read_yaml(file, "a description of a scenario: names and values, such as bandwidth_hz: 10e6")
-    described |= {name: described.get(name) or [] for name in ("targets", "paths")}
-    try:
-        return TypeAdapter(Scenario).validate_python(_plain(described))
-    except ValidationError as error:
-        first = sorted(error.errors(), key=lambda one: one["type"] != _UNKNOWN_NAME)[0]  # may be a misspelt one
-        cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, TmcaError):
-            raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
-        place = ".".join(map(str, first["loc"]))
-        if first["type"] == _UNKNOWN_NAME:
-            described_by = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
-            known = [one.name for one in fields(described_by)]
-            raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
-        raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
-
-
-def _plain(value: Any) -> Any:
-    """YAML 1.1 has text for 10e6 and 0.3 - 1j; a switch is no number."""
-    if isinstance(value, dict):
-        return {name: _plain(one) for name, one in value.items()}
-    if isinstance(value, list):
-        return [_plain(one) for one in value]
-    return str(value).replace(" ", "") if isinstance(value, bool | str) else value

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,10 @@ from tmca.dbd.model import Complex, Problem, Source
 from tmca.dbd.simulation import MOST_FREQUENCIES, MOST_NUMBERS, carriers
 from tmca.errors import DataError, SettingError, ShapeError, check_range, did_you_mean
 
-_UNKNOWN_NAME = "unexpected_keyword_argument"
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+
+UNKNOWN_NAME = "unexpected_keyword_argument"
 """Pydantic's name of that error."""
 _OVERSAMPLING = 16
 """Samples of a chirp for every inverse of its bandwidth or of the receiver's, whichever is less."""
@@ -303,7 +306,7 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
     try:
         waveform: Waveform = TypeAdapter(made).validate_python(settings)
     except ValidationError as error:
-        first = sorted(error.errors(), key=lambda one: one["type"] != _UNKNOWN_NAME)[0]  # may be a misspelt one
+        first = first_problem(error)
         cause = first.get("ctx", {}).get("error")
         if isinstance(cause, SettingError):
             raise SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
@@ -313,12 +316,17 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
         known = ", ".join(options)
         if first["type"] in ("missing", "missing_argument"):
             raise SettingError(where, f"no {place}=", known) from error
-        if first["type"] == _UNKNOWN_NAME:
+        if first["type"] == UNKNOWN_NAME:
             raise SettingError(where, f"{place}=", known, did_you_mean(place, options)) from error
         raise SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}") from error
     if isinstance(waveform, SampledWaveform):
         return SampledWaveform(folder / waveform.file, *list(vars(waveform).values())[1:])
     return waveform
+
+
+def first_problem(error: ValidationError) -> Any:
+    """What to say of a description: first a name that there is not, which may be a misspelt one of those missing."""
+    return sorted(error.errors(), key=lambda one: one["type"] != UNKNOWN_NAME)[0]
 
 
 def _plain(value: Any) -> Any:

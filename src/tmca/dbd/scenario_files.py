@@ -1,0 +1,54 @@
+"""Scenarios of YAML files, and what is wrong with one."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path as FilePath
+from typing import Any
+
+from tmca.dbd.scenario import Path, Scenario, Target
+from tmca.dbd.waveforms import UNKNOWN_NAME, first_problem
+from tmca.errors import DataError, TmcaError, did_you_mean
+from tmca.yaml_files import read_yaml
+
+_SCENARIOS = FilePath(__file__).parent / "scenarios"
+
+
+def read_scenario(source: str | FilePath) -> Scenario:
+    """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
+
+    Raises:
+        DataError: no such file or name, or a file that is no such description.
+        SettingError: values that make no scenario.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    named = _SCENARIOS / f"{source}.yaml"
+    file = named if named.is_file() else FilePath(source)
+    if not file.is_file():
+        shipped = sorted(known.stem for known in _SCENARIOS.glob("*.yaml"))
+        raise DataError(source, "no such file", f"a YAML file, or one of {', '.join(shipped)}")
+    described = read_yaml(file, "a description of a scenario: names and values, such as bandwidth_hz: 10e6")
+    described |= {name: described.get(name) or [] for name in ("targets", "paths")}
+    try:
+        return TypeAdapter(Scenario).validate_python(_plain(described))
+    except ValidationError as error:
+        first = first_problem(error)
+        cause = first.get("ctx", {}).get("error")
+        if isinstance(cause, TmcaError):
+            raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
+        place = ".".join(map(str, first["loc"]))
+        if first["type"] == UNKNOWN_NAME:
+            described_by = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
+            known = [one.name for one in fields(described_by)]
+            raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
+        raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
+
+
+def _plain(value: Any) -> Any:
+    """YAML 1.1 has text for 10e6 and 0.3 - 1j; a switch is no number."""
+    if isinstance(value, dict):
+        return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, list):
+        return [_plain(one) for one in value]
+    return str(value).replace(" ", "") if isinstance(value, bool | str) else value
