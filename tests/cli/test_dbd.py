@@ -9,7 +9,7 @@ import pytest
 from tests.cli.calls import answer, said
 from tests.cli.refusals import refused
 from tmca.cli import main
-from tmca.dbd import Chirp
+from tmca.dbd import Channel, Chirp, load_problem
 
 SMALL = ("-M", "9", "-P", "5", "-J", "2", "--targets", "2", "--paths", "1")
 
@@ -35,6 +35,20 @@ def test_a_known_chirp_takes_the_place_of_a_basis_and_targets_go_to_a_table(caps
     assert frame.name.tolist() == ["target 1"]
     assert frame.delay_s[0] == pytest.approx(0.9e-6)
     assert (tmp_path / "t.pdf").exists()
+
+
+def test_a_scenario_sends_a_waveform_of_ones_own(capsys):
+    chirp = ("--waveform", "radar=chirp:bandwidth=8e6,duration=6e-7")
+    assert "found no --model-only" in refused(capsys, "dbd", "simulate", "--scenario", "road", *chirp)
+    assert "found no --scenario" in refused(capsys, "dbd", "simulate", *chirp)
+    main(["dbd", "simulate", "--scenario", "road", "--model-only", *chirp])
+    problem = load_problem("overlaid.nc")
+    radar = problem.sources[0]
+    rows = Chirp(8e6, 6e-7).rows(17, 33, 3.3e-6)
+    np.testing.assert_allclose(radar.rows, np.broadcast_to(rows, radar.rows.shape))
+    channels = [Channel.true(*one, problem.shape) for one in zip(problem.sources, problem.truth, strict=True)]
+    left = problem.y.reshape(-1) - sum(one.samples() for one in channels)
+    assert np.sqrt(np.mean(np.abs(left) ** 2)) == pytest.approx(problem.sigma, rel=0.1)
 
 
 @pytest.mark.slow

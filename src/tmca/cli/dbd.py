@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -43,6 +44,7 @@ def simulate(
     known_waveforms: bool = False,
     known: str | None = None,
     model_only: bool = False,
+    waveform: list[str] | None = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Write overlaid samples of a radar and a communications transmitter, with the bases and the truth.
@@ -69,6 +71,7 @@ def simulate(
         known_waveforms: every signal is known up to a factor.
         known: whose signal is known up to a factor: radar, communications or both; the other's stays unknown.
         model_only: of a scenario: samples of the model instead of a simulation in the time domain.
+        waveform: of a scenario with --model-only: what a source sends, as in `tmca dbd solve`; may be repeated.
     """
     from tmca.data import check_target
     from tmca.dbd.files import save_problem
@@ -76,7 +79,7 @@ def simulate(
     _check_scenario_alone(dict(locals()))
     check_target(out, overwrite)
     if scenario is not None:
-        problem = _physical(scenario, model_only, seed, snr)
+        problem = _physical(scenario, model_only, seed, snr, waveform or ())
     else:
         from tmca.dbd import simulate as simulated
 
@@ -260,23 +263,29 @@ def _check_scenario_alone(given: dict[str, Any]) -> None:
     if given["scenario"] is None:
         if given["model_only"]:
             raise SettingError("--model-only", "no --scenario", "one", "the numbers below make samples of the model")
+        if given["waveform"]:
+            raise SettingError("--waveform", "no --scenario", "one, whose units say how long a waveform is")
         return
     defaults = {name: one.default for name, one in inspect.signature(simulate).parameters.items()}
-    both = ("scenario", "out", "seed", "snr", "model_only", "overwrite")
+    both = ("scenario", "out", "seed", "snr", "model_only", "waveform", "overwrite")
     changed = [name for name, value in defaults.items() if name not in both and given[name] != value]
     if changed:
         options = ", ".join("--" + name.replace("_", "-") for name in changed)
         raise SettingError("--scenario", f"{options} as well", "--seed and --snr only", "change the scenario's file")
 
 
-def _physical(name: str, model_only: bool, seed: int | None, snr: float | None) -> Problem:
+def _physical(name: str, model_only: bool, seed: int | None, snr: float | None, waveforms: Sequence[str]) -> Problem:
     from dataclasses import replace
 
-    from tmca.dbd import read_scenario
+    from tmca.dbd import read_scenario, read_waveforms
 
     given: dict[str, Any] = {"seed": seed, "snr_db": snr}
     scenario = replace(read_scenario(name), **{key: value for key, value in given.items() if value is not None})
+    if waveforms and not model_only:
+        raise SettingError("--waveform", "no --model-only", "it", "in the time domain a scenario sends its own codes")
     scene = scenario.draw()
+    for one in waveforms:
+        scene = scene.with_waveforms(read_waveforms(one))
     if model_only:
         return scene.problem()
     print(f"what turns within an interval and the model leaves out: {scene.model_error:.2%} of the samples")

@@ -11,7 +11,7 @@ A :class:`Scenario` describes; :meth:`Scenario.draw` draws codes and symbols, wh
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
@@ -28,6 +28,7 @@ from tmca.dbd.simulation import (
     overlaid,
     unit_vector,
 )
+from tmca.dbd.waveforms import Waveform, waveform_source
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.summaries import Summary
 
@@ -303,6 +304,21 @@ class Scene:
     sources: tuple[Source, Source] = field(repr=False)
     truth: tuple[Truth, Truth] = field(repr=False)
     codes: Complex = field(repr=False)
+
+    def with_waveforms(self, waveforms: Mapping[str, Waveform]) -> Scene:
+        """The scene with other signals, for :meth:`problem`: coefficients are drawn with the scenario's seed.
+
+        Raises:
+            SettingError: a source that the scene does not have, or a waveform that does not fit its interval.
+        """
+        scenario, sources, truth = self.scenario, list(self.sources), list(self.truth)
+        names, rng = [one.name for one in sources], np.random.default_rng(self.scenario.seed)
+        for name, waveform in waveforms.items():
+            check_choice("waveform", name, names)
+            place = names.index(name)
+            sources[place] = waveform_source(name, waveform, scenario.pulses, scenario.frequencies, scenario.useful_s)
+            truth[place] = replace(truth[place], waveform=unit_vector(rng, sources[place].unknowns))
+        return replace(self, sources=(sources[0], sources[1]), truth=(truth[0], truth[1]))
 
     def problem(self) -> Problem:
         """The samples of the normalised model (58), with everything known."""
