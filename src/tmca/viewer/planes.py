@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,11 +14,23 @@ from tmca.viewer.items import Item, Layer, in_memory
 
 _KIND = "dual blind deconvolution: recovery"
 _LAYERS = {
-    "matched_filter": ("matched", "matched filter, gain of a path"),
+    "matched_filter": ("matched", "matched filter, below its peak"),
     "dual_polynomial": ("polynomial", "‖f‖ / weight of the dual polynomial"),
 }
-_MOST = 20
-"""Sources that are looked for."""
+_MOST, _FLOOR = 20, -30.0
+"""Sources that are looked for; decibels below the peak where a matched filter is darkest."""
+_AXES = {
+    "x": (
+        ("range_m", "range (m)"),
+        ("length_m", "length (m)"),
+        ("delay_s", "delay (s)"),
+        ("delay", "normalised delay"),
+    ),
+    "y": (("velocity_m_s", "velocity (m/s)"), ("doppler_hz", "Doppler (Hz)"), ("doppler", "normalised Doppler")),
+}
+"""What columns and rows are, the first that the file has."""
+_MOST_POINTS = 1000
+"""Paths that are marked."""
 _UNITS = {"range_m": "m", "length_m": "m", "velocity_m_s": "m/s", "delay_s": "s", "doppler_hz": "Hz"}
 
 
@@ -37,26 +50,58 @@ def plane_items(contents: Contents, title: str, **about: Any) -> list[Item]:
         first = next(iter(found.values()))
         source = str(first.attrs.get("source") or f"source {number + 1}")[:60]
         rows = max(one.shape[1] if len(one.shape) > 1 else 1 for one in found.values())
-        layers = tuple(_layer(name, one, rows) for name, one in found.items())
+        view = _view(list(found.values()), contents.arrays.get(f"points_{number}"))
+        layers = tuple(_layer(name, one, rows, view) for name, one in found.items())
         facts = {"source": source, **_axes(first), **said(contents.attrs)}
         items.append(Item("array", f"{title}: {source}", layers, facts, **about))
     return items
 
 
-def _layer(name: str, stored: Stored, rows: int) -> Layer:
-    """Of so many rows; what is the same for all Dopplers is repeated."""
+def _layer(name: str, stored: Stored, rows: int, view: dict[str, Any]) -> Layer:
+    """Of so many rows; what is the same for all Dopplers is repeated. Matched filters are in decibels."""
     values: NDArray[Any] = np.atleast_2d(np.asarray(stored.whole(), np.float32).T)[::-1]
     values = np.broadcast_to(values, (max(rows, len(values)), values.shape[1]))
     size = values.shape[0], values.shape[1]
-    span = 0.0, max(1e-30, float(np.nanmax(values, initial=0.0)))
-    return Layer(_LAYERS[name][0], _LAYERS[name][1], size, ONE, in_memory(values[None]), span=span)
+    highest = max(1e-30, float(np.nanmax(values, initial=0.0)))
+    span, unit = (0.0, highest), ""
+    if name == "matched_filter":
+        values, span, unit = 20 * np.log10(np.maximum(values / np.float32(highest), 1e-10)), (_FLOOR, 0.0), "dB"
+    return Layer(*_LAYERS[name], size, ONE, in_memory(values[None]), unit=unit, span=span, view=view)
+
+
+def _view(planes: Sequence[Stored], points: Stored | None) -> dict[str, Any]:
+    """What columns and rows are, from the highest Doppler down, and the paths as shares of both."""
+    extents: dict[str, list[float]] = {}
+    labels: dict[str, str] = {}
+    for axis, names in _AXES.items():
+        for name, label in names:
+            found = next((one for one in (_extent(plane, name) for plane in planes) if one), None)
+            if found and axis not in extents:
+                extents[axis], labels[f"{axis}label"] = found if axis == "x" else found[::-1], label
+    if len(extents) < len(_AXES):
+        return {}
+    return {"extents": extents, **labels, "points": _shares(points)}
+
+
+def _shares(points: Stored | None) -> list[list[float]]:
+    """Where paths are on the picture, across and down, 0 to 1."""
+    if points is None or len(points.shape) != 2 or points.shape[1] < 2 or points.shape[0] > _MOST_POINTS:
+        return []
+    values = np.asarray(points.whole(), float)[:, :2]
+    values = values[np.all(np.isfinite(values), axis=1)]
+    return [[float(delay % 1), float((0.5 - doppler) % 1)] for delay, doppler in values]
+
+
+def _extent(stored: Stored, name: str) -> list[float] | None:
+    extent = np.ravel(stored.attrs.get(name, ()))
+    good = extent.size == 2 and extent.dtype.kind in "fiu" and np.all(np.isfinite(extent)) and extent[0] != extent[1]
+    return [float(one) for one in extent] if good else None
 
 
 def _axes(stored: Stored) -> dict[str, str]:
     """From where to where the columns and rows are."""
     facts = {}
     for name, unit in _UNITS.items():
-        extent = np.ravel(stored.attrs.get(name, ()))
-        if extent.size == 2 and extent.dtype.kind in "fiu":
+        if extent := _extent(stored, name):
             facts[name.partition("_")[0]] = f"{extent[0]:.4g} to {extent[1]:.4g} {unit}"
     return facts

@@ -90,6 +90,7 @@ export class Panel {
     context.beginPath();
     context.rect(inner.x, inner.y, inner.w, inner.h);
     context.clip();
+    if (spec.points) crosses(context, box, spec.points);
     if (!spec.unmarked && !spec.pick) this.#drawMarks(context, box);
     spec.over?.(context, (x, y) => [box.x + (x / spec.size[1]) * box.w, box.y + (y / spec.size[0]) * box.h]);
     context.restore();
@@ -269,6 +270,17 @@ function rulers(context, inner, box, spec, small) {
   context.rotate(-Math.PI / 2);
   context.fillText(spec.ylabel ?? "row (px)", 0, 0);
   context.restore();
+}
+
+// What was estimated, at shares of the width and the height.
+function crosses(context, box, points) {
+  context.lineWidth = 2;
+  context.strokeStyle = "#ff5a4d";
+  for (const [across, down] of points) {
+    const x = box.x + across * box.w, y = box.y + down * box.h;
+    line(context, x - 4, y - 4, x + 4, y + 4);
+    line(context, x - 4, y + 4, x + 4, y - 4);
+  }
 }
 
 function line(context, x0, y0, x1, y1) {

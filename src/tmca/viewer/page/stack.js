@@ -154,6 +154,7 @@ export class Stack extends Desk {
     const look = this.lookOf(layer.name, layer.label, USUAL[layer.colours] ?? "grey", layer.span);
     const paint = { plane, map: look.map, span: look.span, power: look.power };
     const spec = { key, title, size: layer.size, item, layer, index, paint, look: layer.name, details: this.detailsOf(key, layer, index), bar: { map: look.map, span: look.span, label: layer.unit ? `${layer.label} (${layer.unit})` : layer.label } };
+    if (layer.extents) Object.assign(spec, { extents: layer.extents, xlabel: layer.xlabel, ylabel: layer.ylabel, points: layer.points });
     spec.note = [this.positionOf(layer, index), this.cursor ? this.valueAt(plane, spec) : ""].filter(Boolean).join("  ·  ");
     return spec;
   }
