@@ -36,6 +36,7 @@ def test_axes_have_units_and_paths_are_marked_where_the_plane_is_highest(tmp_pat
     save_recovery(solve(replace(problem, units=Units(3e-6, 2e4, carrier)), certify=False), tmp_path / "r.nc")
     with ExitStack() as stack:
         [item] = open_items(tmp_path / "r.nc", stack)
+        assert "in doubt" not in item.facts
         layer = item.layers[0]
         [[across, down]] = layer.view["points"]
         rows, columns = layer.size
@@ -47,3 +48,10 @@ def test_axes_have_units_and_paths_are_marked_where_the_plane_is_highest(tmp_pat
         speed = 2e4 if carrier is None else 2e4 * 299_792_458 / 2 / carrier
         assert (top, bottom) == pytest.approx((speed / 2, -speed / 2))
         assert layer.view["ylabel"] == ("Doppler (Hz)" if carrier is None else "velocity (m/s)")
+
+
+def test_a_doubt_is_shown(tmp_path):
+    problem = simulate(M=9, P=4, J=1, targets=1, paths=0, seed=1, basis="gaussian")
+    save_recovery(replace(solve(problem, certify=False), doubt="is the pulse right?"), tmp_path / "r.nc")
+    with ExitStack() as stack:
+        assert open_items(tmp_path / "r.nc", stack)[0].facts["in doubt"] == "is the pulse right?"

@@ -35,8 +35,8 @@ def delay_doppler_planes(recovery: Recovery) -> dict[str, xr.Dataset]:
 
     ``matched_filter``: the gain a single path of the estimated waveform would have at each place, ``|Σ conj(s) y
     exp(+j2π(n τ + p ν))| / Σ |s|²``; without paths, of no known waveform, in units of its highest value.
-    ``dual_polynomial``: ``‖f‖ / weight``, at most one: one at the paths without noise, with peaks near one in noise;
-    over the delay alone for ``block`` messages, whose polynomial does not depend on the Doppler.
+    ``dual_polynomial``: ``‖f‖ / weight``, without noise at most one, and one at the paths; in noise it only peaks there.
+    Over the delay alone for ``block`` messages, whose polynomial does not depend on the Doppler.
 
     Dimensions are ``delay`` (0 to 1) and ``doppler`` (−½ to ½), normalised; where the problem has units, the
     coordinates ``delay_s``, ``doppler_hz`` and, with a carrier, ``range_m`` or ``length_m`` and ``velocity_m_s`` lie

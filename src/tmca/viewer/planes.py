@@ -29,8 +29,8 @@ _AXES = {
     "y": (("velocity_m_s", "velocity (m/s)"), ("doppler_hz", "Doppler (Hz)"), ("doppler", "normalised Doppler")),
 }
 """What columns and rows are, the first that the file has."""
-_MOST_POINTS = 1000
-"""Paths that are marked."""
+_MOST_POINTS, _LONGEST = 1000, 300
+"""Paths that are marked; characters of a doubt."""
 _UNITS = {"range_m": "m", "length_m": "m", "velocity_m_s": "m/s", "delay_s": "s", "doppler_hz": "Hz"}
 
 
@@ -52,7 +52,7 @@ def plane_items(contents: Contents, title: str, **about: Any) -> list[Item]:
         rows = max(one.shape[1] if len(one.shape) > 1 else 1 for one in found.values())
         view = _view(list(found.values()), contents.arrays.get(f"points_{number}"))
         layers = tuple(_layer(name, one, rows, view) for name, one in found.items())
-        facts = {"source": source, **_axes(first), **said(contents.attrs)}
+        facts = {"source": source, **_axes(first), **said(contents.attrs), **_doubt(contents)}
         items.append(Item("array", f"{title}: {source}", layers, facts, **about))
     return items
 
@@ -96,6 +96,11 @@ def _extent(stored: Stored, name: str) -> list[float] | None:
     extent = np.ravel(stored.attrs.get(name, ()))
     good = extent.size == 2 and extent.dtype.kind in "fiu" and np.all(np.isfinite(extent)) and extent[0] != extent[1]
     return [float(one) for one in extent] if good else None
+
+
+def _doubt(contents: Contents) -> dict[str, str]:
+    doubt = contents.attrs.get("doubt")
+    return {"in doubt": doubt[:_LONGEST]} if isinstance(doubt, str) and doubt else {}
 
 
 def _axes(stored: Stored) -> dict[str, str]:
