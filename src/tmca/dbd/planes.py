@@ -35,7 +35,7 @@ def delay_doppler_planes(recovery: Recovery) -> dict[str, xr.Dataset]:
 
     ``matched_filter``: the gain a single path of the estimated waveform would have at each place, ``|Σ conj(s) y
     exp(+j2π(n τ + p ν))| / Σ |s|²``; without paths, of no known waveform, in units of its highest value.
-    ``dual_polynomial``: ``‖f‖ / weight``, without noise at most one, and one at the paths; in noise it only peaks there.
+    ``dual_polynomial``: ``‖f‖ / weight``, without noise at most one, and one at the paths; in noise it peaks there.
     Over the delay alone for ``block`` messages, whose polynomial does not depend on the Doppler.
 
     Dimensions are ``delay`` (0 to 1) and ``doppler`` (−½ to ½), normalised; where the problem has units, the
