@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
 _PRINTED, _READ, _MORE = 400, 200, 110
 """Dots per inch of pictures for print, of the first one of a page, and of the others."""
+_SPECTRA = (
+    "Spectra are those of the points that are numbered in the truth, for each code those of its decoder with the "
+    "highest PSNR, which the legend names where there are several."
+)
 _DRAWN = 8
 """Most scenes of a page that are drawn in it."""
 
@@ -87,6 +91,8 @@ def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]
         figure.set_dpi(_MORE if place else _READ)
         under = f" under {study.shown_noise}" if len(study.noises) > 1 else ""
         said = [f"The first seed{under}. Numbers in the pictures are PSNR over all that is measured of the scene."]
+        said += [_SPECTRA] if any("wavelength" in axis.get_xlabel() for axis in figure.axes) else []
+        said += [str(figure.get_label())] if figure.get_label() else []
         made.append(Section(f"Side by side: {scene}", said, figures={f"Truth and estimates of {scene}": figure}))
     return [*made, *sections(found, study), *_how(found)]
 
