@@ -9,8 +9,10 @@ import pytest
 import yaml
 
 from tests.cli.refusals import refused
+from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.cli.study import _described
+from tmca.codes import write_codes
 from tmca.data import label, label_light_field, read_dataset, write_dataset, write_light_field
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
@@ -242,6 +244,22 @@ def test_files_of_codes_of_one_name_are_told_apart_by_their_folders(here):
     assert [*names.values()] == ["a/codes", "b/codes", "cassi", "x/cassi", "else"]
     with pytest.raises(SettingError, match="a/codes twice"):
         _code_names(["a/codes.nc", "b/a/codes.nc"])
+
+
+def test_files_of_codes_may_be_given_names_and_say_that_they_are_a_burst(here):
+    for preset in ("burst", "two-bucket"):
+        settings = {**SpectralCamera.presets[preset], "bands": 4, "size": (20, 24), "period": 4}
+        codes = SpectralCamera(**settings).codes
+        planes = (codes.aperture.tile().detach(), codes.shutter.tile().detach())
+        write_codes(f"{preset}-4.nc", *planes, (4, 4), buckets=2)
+    asked = ["burst", "mine=burst-4.nc", "burst-4.nc", "two-bucket-4.nc", "other=two-bucket-4.nc"]
+    study = own_study(["mug.nc"], codes=asked, decoders=["dagger"])
+    assert [*study.codes] == ["burst", "mine (burst)", "burst-4", "two-bucket-4", "other"]
+    assert [code.burst for code in study.codes.values()] == [True, True, True, False, False]
+    assert study.codes["burst"].camera == {"slots": 2, "shutter": "burst", "buckets": 2}
+    assert study.codes["mine (burst)"].file == "burst-4.nc"
+    with pytest.raises(SettingError, match="mine twice"):
+        own_study(["mug.nc"], codes=["mine=burst-4.nc", "mine=two-bucket-4.nc"], decoders=["dagger"])
 
 
 def test_scenes_that_leave_none_to_learn_from_are_refused_where_a_prior_needs_them():
