@@ -22,6 +22,7 @@ from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.page import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
+from tmca.evaluation.tables import made_by
 from tmca.lab.decoder_files import decoders_named
 
 DECODERS = """
@@ -82,6 +83,19 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert written == {"cells", *(f"mug.{end}" for end in ("json", "csv", "md", "html", "pdf", "png"))}
     assert "mug.json" in refused(capsys, "study", "mug.nc", "--codes", "cassi", "--decoders", "dagger")
     assert (here / "mug-study" / "mug.pdf").read_bytes().startswith(b"%PDF")
+    assert (here / "mug-study" / "mug.md").read_text().startswith("# mug: codes and decoders\n")
+    page = (here / "mug-study" / "mug.html").read_text()
+    assert "UIQI: universal image quality index, at most 1, higher is better" in page
+    assert "the best code of several slots over the best of one slot" in page
+    assert "without a test scene" not in page
+
+
+@pytest.mark.parametrize(("command", "commit", "told"), [
+    ("tmca study a", "0123", "Command: `tmca study a` at commit `0123`."),
+    ("tmca study a", None, "Command: `tmca study a`."), ("", None, "Called from Python."),
+])  # fmt: skip
+def test_a_page_says_the_command_and_where_there_is_one_the_commit(command, commit, told):
+    assert made_by({"command": command, "commit": commit}) == told
 
 
 def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
