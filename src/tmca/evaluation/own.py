@@ -257,7 +257,9 @@ def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
 def _named(text: str) -> tuple[str, str]:
     """Name and file of ``NAME=FILE``; no name of anything else."""
     name, _, file = text.partition("=")
-    return (name.strip(), file.strip()) if Path(file).suffix and name.strip() and not Path(text).exists() else ("", text)
+    return (
+        (name.strip(), file.strip()) if Path(file).suffix and name.strip() and not Path(text).exists() else ("", text)
+    )
 
 
 def _told(name: str, code: Settings) -> str:
