@@ -23,7 +23,9 @@
 # ## Your sensor
 #
 # Two numbers of its data sheet matter most: the full well, and the read noise, both in electrons. Change the first entry
-# to yours; the others show what happens with less light, and with a worse readout.
+# to yours; the others show what happens with less light, and with a worse readout. `bits=12` adds the converter.
+#
+# The exposure is such that a white scene with everything open just fills the well.
 
 # %%
 import pandas as pd
@@ -53,7 +55,8 @@ cameras = {
 }
 
 # %% [markdown]
-# The two buckets share what the pixel sees: what one does not collect, the other does.
+# The two buckets share what the pixel sees: what one does not collect, the other does. For a cube of your own write its
+# file in the place of `"coffee"`, such as `tmca.read("my_cube.mat", size=(64, 64))`.
 
 # %%
 scene = tmca.read("coffee", size=(64, 64))
@@ -101,8 +104,8 @@ for name, row in gains.iterrows():
 # - With **one bucket**, most of the light is lost. Multiplexing then pays only where there is much light.
 # - **Two buckets** lose no light, and win where there is enough of it. With little light or a bad readout they lose: two
 #   buckets are read, each with its own noise, and each has half of the light.
-# - A **burst** is read twice as well, and random codes with two buckets do not clearly beat it here. It needs a scene that
-#   stands still and a sensor that is fast enough.
+# - A **burst** is two readings as well, and random codes with two buckets do not clearly beat it here. It needs a scene
+#   that stands still and a sensor that is fast enough.
 # - These are **random** codes. Codes that are searched for the sensor are better, often by more than 1 dB. One scene and
 #   one draw of codes are no proof: take several scenes like yours.
 

@@ -64,6 +64,7 @@ def test_the_page_names_codes_that_were_left_out(capsys):
     assert left_out in Path("d/design.html").read_text()
 
 
+@pytest.mark.filterwarnings("always::tmca.sensor.SensorWarning")
 @pytest.mark.slow
 def test_the_answer_may_be_the_static_code(capsys):
     assert "Do not multiplex" in said(capsys, "design", "spectral", *SMALL, "--read-noise", "30", "--out", "d")

@@ -130,11 +130,40 @@ def test_a_kind_that_there_is_not_is_warned_of_where_decoders_are_listed(install
         assert "early" in decoders_for("spectrall")
 
 
-def test_a_class_without_a_name_is_refused_in_one_line():
+NET = """
+from tmca.decoders import Decoder
+
+class Net(Decoder):
+    def reconstruct(self, prepared, values, progress):
+        return 0.1 * prepared.A_adjoint(values)
+"""
+
+
+def test_a_class_that_says_nothing_is_called_by_its_name_and_is_for_all_cameras(tmp_path):
+    class Net(Decoder):
+        def reconstruct(self, prepared, values, progress):
+            return 0.1 * prepared.A_adjoint(values)
+
+    camera = SpectralCamera(3, (8, 8), slots=2)
+    taken = Snapshot(camera(torch.rand(1, 3, 8, 8)), camera)
+    (tmp_path / "net.py").write_text(NET)
+    expected = 0.1 * camera.A_adjoint(taken.values)
+    for given in (Net(), Net, f"{tmp_path}/net.py:Net"):
+        found = decode(taken, given)
+        assert found.decoder == "Net"
+        torch.testing.assert_close(found.values, expected)
+    assert Net.label == "Net"
+    assert Net.cameras == frozenset(CAMERAS)
+    with pytest.raises(SettingError, match="no class Nett in"):
+        decode(taken, f"{tmp_path}/net.py:Nett")
+
+
+def test_a_class_whose_name_is_no_text_is_refused_in_one_line():
     class Nameless(Decoder):
         def reconstruct(self, prepared, values, progress):
             return values
 
+    Nameless.name = None
     camera = SpectralCamera(3, (8, 8), slots=2)
     taken = Snapshot(camera(torch.rand(1, 3, 8, 8)), camera)
     for given in (Nameless, Nameless()):

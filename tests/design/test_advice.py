@@ -93,6 +93,7 @@ def test_codes_that_cannot_hold_the_light_are_left_out(examples):
     assert some.left_out == (("one-hot", 2),)
 
 
+@pytest.mark.filterwarnings("always::tmca.sensor.SensorWarning")
 @pytest.mark.slow
 def test_noise_beyond_the_signal_is_not_multiplexed(examples):
     sheet = SensorSheet(read_noise=30.0)

@@ -9,8 +9,10 @@ import pytest
 import yaml
 
 from tests.cli.refusals import refused
+from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.cli.study import _described
+from tmca.codes import write_codes
 from tmca.data import label, label_light_field, read_dataset, write_dataset, write_light_field
 from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
@@ -20,6 +22,7 @@ from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.page import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
+from tmca.evaluation.tables import made_by
 from tmca.lab.decoder_files import decoders_named
 
 DECODERS = """
@@ -80,6 +83,19 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert written == {"cells", *(f"mug.{end}" for end in ("json", "csv", "md", "html", "pdf", "png"))}
     assert "mug.json" in refused(capsys, "study", "mug.nc", "--codes", "cassi", "--decoders", "dagger")
     assert (here / "mug-study" / "mug.pdf").read_bytes().startswith(b"%PDF")
+    assert (here / "mug-study" / "mug.md").read_text().startswith("# mug: codes and decoders\n")
+    page = (here / "mug-study" / "mug.html").read_text()
+    assert "UIQI: universal image quality index, at most 1, higher is better" in page
+    assert "the best code of several slots over the best of one slot" in page
+    assert "without a test scene" not in page
+
+
+@pytest.mark.parametrize(("command", "commit", "told"), [
+    ("tmca study a", "0123", "Command: `tmca study a` at commit `0123`."),
+    ("tmca study a", None, "Command: `tmca study a`."), ("", None, "Called from Python."),
+])  # fmt: skip
+def test_a_page_says_the_command_and_where_there_is_one_the_commit(command, commit, told):
+    assert made_by({"command": command, "commit": commit}) == told
 
 
 def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
@@ -242,6 +258,22 @@ def test_files_of_codes_of_one_name_are_told_apart_by_their_folders(here):
     assert [*names.values()] == ["a/codes", "b/codes", "cassi", "x/cassi", "else"]
     with pytest.raises(SettingError, match="a/codes twice"):
         _code_names(["a/codes.nc", "b/a/codes.nc"])
+
+
+def test_files_of_codes_may_be_given_names_and_say_that_they_are_a_burst(here):
+    for preset in ("burst", "two-bucket"):
+        settings = {**SpectralCamera.presets[preset], "bands": 4, "size": (20, 24), "period": 4}
+        codes = SpectralCamera(**settings).codes
+        planes = (codes.aperture.tile().detach(), codes.shutter.tile().detach())
+        write_codes(f"{preset}-4.nc", *planes, (4, 4), buckets=2)
+    asked = ["burst", "mine=burst-4.nc", "burst-4.nc", "two-bucket-4.nc", "other=two-bucket-4.nc"]
+    study = own_study(["mug.nc"], codes=asked, decoders=["dagger"])
+    assert [*study.codes] == ["burst", "mine (burst)", "burst-4", "two-bucket-4", "other"]
+    assert [code.burst for code in study.codes.values()] == [True, True, True, False, False]
+    assert study.codes["burst"].camera == {"slots": 2, "shutter": "burst", "buckets": 2}
+    assert study.codes["mine (burst)"].file == "burst-4.nc"
+    with pytest.raises(SettingError, match="mine twice"):
+        own_study(["mug.nc"], codes=["mine=burst-4.nc", "mine=two-bucket-4.nc"], decoders=["dagger"])
 
 
 def test_scenes_that_leave_none_to_learn_from_are_refused_where_a_prior_needs_them():

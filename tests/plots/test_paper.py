@@ -11,6 +11,7 @@ from matplotlib.text import Text
 from tmca.metrics import psnr
 from tmca.plots.paper import COLUMN, PAGE, paper_figure
 from tmca.plots.side_by_side import _cubes, side_by_side
+from tmca.plots.style import save_figure
 
 WAVES = np.linspace(4.2e-7, 6.8e-7, 5)
 
@@ -54,6 +55,26 @@ def test_texts_are_legible_and_keep_clear_of_each_other(codes, decoders, width):
         assert whole.y0 - 1 <= box.y0 <= box.y1 <= whole.y1 + 1, one.get_text()
     shrunk = [(one.get_text(), box.padded(-1)) for one, box in written]
     assert [(a, b) for (a, one), (b, other) in combinations(shrunk, 2) if one.overlaps(other)] == []
+
+
+@pytest.mark.parametrize(("codes", "decoders", "left_out"), [(3, 3, ""), (3, 5, "Error maps"), (3, 9, "first 6 dec")])
+def test_a_figure_with_many_decoders_fits_a_page_and_says_what_it_leaves_out(codes, decoders, left_out):
+    figure = side_by_side({name: cube(7, (24, 24)) for name in cubes(codes, decoders)}, cube(99, (24, 24))["estimate"])
+    assert figure.get_figwidth() * 25.4 == pytest.approx(PAGE)
+    assert figure.get_figheight() * 25.4 <= 220
+    assert left_out in figure.get_label()
+    assert bool(left_out) == bool(figure.get_label())
+    pictures = [axis for axis in figure.axes if axis.images and axis.bbox.height > 20]
+    assert min(axis.bbox.width / figure.dpi * 25.4 for axis in pictures) >= 23.9
+    written = [(one.get_text(), box.padded(-1)) for one, box in texts(figure)]
+    assert [(a, b) for (a, one), (b, other) in combinations(written, 2) if one.overlaps(other)] == []
+
+
+def test_fonts_of_a_pdf_are_true_type(tmp_path):
+    figure = side_by_side(cubes(1, 1), cube(99)["estimate"])
+    content = save_figure(figure, tmp_path / "figure.pdf").read_bytes()
+    assert b"/Subtype /TrueType" in content or b"/CIDFontType2" in content
+    assert b"/Subtype /Type3" not in content
 
 
 def test_pictures_say_the_psnr_and_failed_ones_that_they_failed():

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tmca.errors import SettingError
-from tmca.sensor import Sensor, quantise, shot_noise
+from tmca.sensor import Sensor, SensorWarning, quantise, shot_noise
 
 SCALE = 12.0
 
@@ -43,6 +43,15 @@ def test_accumulated_exposures_collect_more_electrons_and_saturate_later():
     ratio = [sensor(y, SCALE, 0, k).mean() / sensor(y, SCALE, 0, k).std() for y, k in ((once, 1), (often, 4))]
     assert (ratio[1] / ratio[0]).item() == pytest.approx(2.0, rel=0.03)
     assert sensor(torch.full((1, 1, 4, 4), 100.0), SCALE, 0, 4).max().item() == pytest.approx(4 * SCALE)
+
+
+@pytest.mark.parametrize(("given", "remedy"), [
+    ({"read_noise": 4}, "for electrons use full_well and read_noise_electrons"),
+    ({"read_noise": 0.9, "full_well": 10_000}, "for electrons use read_noise_electrons"),
+])  # fmt: skip
+def test_read_noise_that_looks_like_electrons_is_warned_of(given, remedy):
+    with pytest.warns(SensorWarning, match=f"read_noise {given['read_noise']:g} is in units of one white .*{remedy}"):
+        Sensor(**given)
 
 
 def test_same_seed_same_noise():

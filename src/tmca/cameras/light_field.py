@@ -33,6 +33,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     "clfp": {"views": 5, "size": (270, 480), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"views": 5, "size": (270, 480), "slots": 4, "aperture": "random", "shutter": "one-hot"},
     "two-bucket": {"views": 5, "size": (270, 480), "slots": 4, "shutter": "balanced", "buckets": 2},
+    # its rival of the same sensor: two frames one after the other
+    "burst": {"views": 5, "size": (270, 480), "slots": 2, "shutter": "burst", "buckets": 2},
     "quick": {"views": 5, "size": (96, 96), "slots": 4, "aperture": "random", "shutter": "one-hot"},
 }
 

@@ -48,6 +48,8 @@ PRESETS: dict[str, dict[str, Any]] = {
     "cassi": {"bands": 12, "size": (256, 256), "slots": 1, "aperture": "static", "shutter": "open"},
     "one-hot": {"bands": 12, "size": (256, 256), "slots": 4, "aperture": "random", "shutter": "one-hot"},
     "two-bucket": {"bands": 12, "size": (256, 256), "slots": 4, "shutter": "balanced", "buckets": 2},
+    # its rival of the same sensor: two frames one after the other
+    "burst": {"bands": 12, "size": (256, 256), "slots": 2, "shutter": "burst", "buckets": 2},
 }
 
 

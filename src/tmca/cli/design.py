@@ -155,7 +155,7 @@ def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:
         _, report = design(progress=progress, **how)
-    _told(report, [*report["designs"], *report["surveyed"]], COLUMNS, run)
+    _told(report, report["designs"], COLUMNS, run, "; it has the survey of every number of slots")
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -180,11 +180,11 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
-def _told(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions) -> None:
-    """The advice as a table and a sentence, or as JSON."""
+def _told(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions, has: str = "") -> None:
+    """The designs that were searched on as a table, the advice as a sentence, and what the page ``has``; or JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    lines = (markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}")
+    lines = (markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}{has}")
     say(report, run.json, *lines, markdown=run.markdown)
 
 

@@ -46,8 +46,9 @@ def study(
         scenes: files, folders or names of rendered scenes that are measured; or one YAML file.
         sensor: YAML file with arguments of the sensor, such as full_well: 10000; or with several sensors by their
             names. An ideal one without it.
-        codes: separated by commas: presets of `tmca simulate` (cassi, one-hot, two-bucket, …), designed (a short search
-            for this sensor), or files of codes or snapshots. [default: the usual ones of the camera]
+        codes: separated by commas: presets of `tmca simulate` (cassi, one-hot, two-bucket, burst, …), designed (a short
+            search for this sensor), or files of codes or snapshots, with a name of yours as NAME=FILE. [default: the
+            usual ones of the camera]
         decoders: separated by commas: names that `tmca decoders` lists, your own as FILE.py:Class, or FILE.pt2 of `tmca
             decoder export`. Beside a YAML file: more of them. [default: that of tmca reconstruct]
         camera: spectral, light-field, spectral-depth, or one of another package; what the scenes are for without it.

@@ -106,6 +106,13 @@ class CodesFile:
     period: tuple[int, int] | None
     buckets: int = 1
 
+    @property
+    def burst(self) -> bool:
+        """Whether they are frames one after the other: all pixels of several buckets change alike."""
+        shutter = self.shutter.flatten(0, -3)
+        alike = bool((shutter == shutter[:, :1, :1]).all())
+        return self.buckets > 1 and alike and not bool((shutter == shutter[0]).all())
+
     def at(self, size: Sequence[int] | None) -> CodesFile:
         """The codes on a frame of (H, W) pixels; those of a whole frame of another size repeat."""
         rows, columns = (int(side) for side in self.aperture.shape[-2:])
@@ -170,3 +177,11 @@ def read_codes(path: str | Path) -> CodesFile:
         if not bool(((plane >= 0) & (plane <= 1)).all()):
             raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)
     return CodesFile(aperture, shutter, tile_of(about.period or None), about.buckets)
+
+
+def is_burst(path: str | Path) -> bool:
+    """Whether a file has the codes of a burst; False of one that has no codes."""
+    try:
+        return read_codes(path).burst
+    except DataError:
+        return False

@@ -327,7 +327,8 @@ class LMMSE(PatchDecoder):
     """The best linear estimate under a Gaussian prior of blocks, ``x̂ = μ + S Aᵀ (A S Aᵀ + R)⁻¹ (y - A μ)``, blended.
 
     Args:
-        uncertainty: also predict the standard deviation of every entry.
+        uncertainty: also predict the standard deviation of every entry; takes some times longer where codes do not
+            repeat.
         fast: where it is prepared for many frames behind tiled codes, decode each in two thirds of the time, some
             hundredths of a dB below.
     """

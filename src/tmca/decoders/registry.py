@@ -93,6 +93,7 @@ def make_decoder(
     if not (hasattr(cls, "prepare") and hasattr(cls, "reconstruct")) or isabstract(cls):
         raise SettingError("decoder", repr(decoder), "a name, a subclass of Decoder, or one of its objects")
     checked = checked_settings(cls, settings) if settings else {}
+    complete(cls)
     check_parts(cls)
     if not isinstance(decoder, type):
         return replace(decoder, **checked)
@@ -115,6 +116,22 @@ def register(decoder: Any) -> None:
         raise SettingError(f"{_place(decoder)}.name", found, "a name of its own")
     decoder.cameras = frozenset(decoder.cameras)
     DECODERS[decoder.name] = decoder
+
+
+def complete(decoder: Any) -> None:
+    """Give a class what it does not say: its own name as name and label, and all cameras."""
+    if not hasattr(decoder, "name"):
+        decoder.name = decoder.__name__
+    if not hasattr(decoder, "label"):
+        decoder.label = decoder.name
+    if not hasattr(decoder, "cameras"):
+        decoder.cameras = all_cameras()
+
+
+def all_cameras() -> frozenset[str]:
+    """All kinds of cameras, those of plug-ins included."""
+    load_cameras()
+    return frozenset(CAMERAS)
 
 
 def check_parts(decoder: Any) -> None:

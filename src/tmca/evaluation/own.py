@@ -11,6 +11,8 @@ from pydantic import ValidationError
 
 from tmca.applications import application_of
 from tmca.cameras import CAMERAS
+from tmca.codes import BURST
+from tmca.codes.files import is_burst
 from tmca.data import read_dataset
 from tmca.data.fitting import VISIBLE, usual_span
 from tmca.data.headers import view_size_of, wavelengths_of
@@ -73,7 +75,8 @@ def own_study(
         camera: its kind; what the scenes are for if None.
         sensor: name of a noise → arguments of `Sensor`, or a YAML file of one sensor or of several by their names; an
             ideal one if None.
-        codes: names of presets, ``designed``, or files of codes or snapshots; some usual ones without.
+        codes: names of presets, ``designed``, files of codes or snapshots, or these with a name, ``NAME=FILE``; some
+            usual ones without.
         decoders: by their names; the usual one without.
         crop: (H, W) middle of every scene.
         bands: of a spectral camera, nearest to even spacing over the range; 12, or all of a scene with fewer.
@@ -247,15 +250,31 @@ def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
     for name in chosen:
         if chosen.count(name) > 1:
             raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
-    return {own: _code(kind, name) for name, own in _code_names(chosen).items()}
+    made = {name: _code(kind, _named(name)[1]) for name in chosen}
+    return {_told(own, made[name]): made[name] for name, own in _code_names(chosen).items()}
+
+
+def _named(text: str) -> tuple[str, str]:
+    """Name and file of ``NAME=FILE``; no name of anything else."""
+    name, _, file = text.partition("=")
+    return (
+        (name.strip(), file.strip()) if Path(file).suffix and name.strip() and not Path(text).exists() else ("", text)
+    )
+
+
+def _told(name: str, code: Settings) -> str:
+    """The name of codes in tables, which says of a file that it is a burst."""
+    of_burst = "file" in code and BURST not in name and is_burst(code["file"])
+    return f"{name} (burst)" if of_burst else name
 
 
 def _code_names(chosen: Sequence[str]) -> dict[str, str]:
-    """What was asked for → its name in the study: a file's without its suffix, behind its folder's where two clash."""
-    short = {name: Path(name).stem if Path(name).suffix else name for name in chosen}
+    """What was asked for → its name in the study: a file's is given, ``NAME=FILE``, or that without its suffix, behind
+    its folder's where two clash."""
+    short = {name: _named(name)[0] or (Path(name).stem if Path(name).suffix else name) for name in chosen}
     several = list(short.values())
     for name, stem in short.items():
-        if several.count(stem) > 1 and Path(name).suffix:
+        if several.count(stem) > 1 and Path(name).suffix and not _named(name)[0]:
             short[name] = f"{Path(name).resolve().parent.name}/{stem}"
     for name, own in short.items():
         if list(short.values()).count(own) > 1:

@@ -19,6 +19,7 @@ from tmca.evaluation.tables import (
     Row,
     Split,
     grouped,
+    made_by,
     markdown_table,
     mean,
     means,
@@ -116,7 +117,7 @@ def markdown(found: Row) -> str:
     words = {name: _words(found[name]) for name in ("study", "split", "budget")}
     about = [*study.about, *([study.about_networks] if found["budget"]["training"] and study.about_networks else [])]
     lines = [
-        f"# {study.title or study.name}", "", f"Command: `{found['command']}` at commit `{found['commit']}`.", "",
+        f"# {page_title(study)}", "", made_by(found), "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
         "all rows. Means over scenes of means over seeds, then scene by scene.", "",
         *(line for text in about for line in (filled(text, words), "")),
@@ -132,6 +133,11 @@ def markdown(found: Row) -> str:
         lines += ["## Pictures", "", f"Some rows, {study.shown_noise}, first seed.", ""]
         lines += [line for file, caption in found["pictures"].items() for line in (f"![{caption}]({file})", "")]
     return "\n".join(lines)
+
+
+def page_title(study: Study) -> str:
+    """Heading of the page."""
+    return study.title or (f"{study.name}: codes and decoders" if study.figure else study.name)
 
 
 def filled(text: str, words: Mapping[str, Any]) -> str:
@@ -316,6 +322,9 @@ def _multiplexed(found: Row, study: Study) -> Iterator[Section]:
     columns += [("hindsight", "in hindsight", gains[0][2]), *gains[1:]]
     text = "Codes are chosen without a test scene where something is known of them: by a network's validation, or as "
     text += "the table of predictions says; else, and where it says so, in hindsight."
+    if study.figure and not any("hindsight" in row for row in rows):
+        text = "For each decoder, the best code of several slots over the best of one slot. Both are chosen by what "
+        text += "was measured on these scenes. A burst is neither: it multiplexes nothing."
     if rows:
         yield Section("Time-multiplexed over static codes", [text], rows, _there(columns, rows))
 

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.report import Section, write_report
 from tmca.data import read_dataset
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.page import sections, slug
+from tmca.evaluation.page import page_title, sections, slug
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import MEASURED, Column, Row, grouped
+from tmca.metrics import meaning
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PRINTED, _READ, _MORE = 400, 200, 110
 """Dots per inch of pictures for print, of the first one of a page, and of the others."""
+_SPECTRA = (
+    "Spectra are those of the points that are numbered in the truth, for each code those of its decoder with the "
+    "highest PSNR, which the legend names where there are several."
+)
 _DRAWN = 8
 """Most scenes of a page that are drawn in it."""
 
@@ -48,8 +53,7 @@ def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Pat
         figures[scene] = figure = scene_figure(study, cells, _drawn(study, found))
         for suffix in (".pdf", ".png"):
             save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
-    title = study.title or f"{study.name}: codes and decoders"
-    write_report(out / f"{study.name}.html", title, _page(study, found, figures), overwrite=overwrite)
+    write_report(out / f"{study.name}.html", page_title(study), _page(study, found, figures), overwrite=overwrite)
 
 
 def _drawn(study: Study, found: Row) -> list[tuple[str, str]]:
@@ -82,11 +86,13 @@ def summary(study: Study, found: Row) -> tuple[list[Row], list[Column]]:
 def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]:
     """What was compared, the table, the figures, and all the tables."""
     rows, columns = summary(study, found)
-    made = [Section("Results", _about(study, found), rows, columns)]
+    made = [Section("Results", [*_about(study, found), *_in_words(columns)], rows, columns)]
     for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
         figure.set_dpi(_MORE if place else _READ)
         under = f" under {study.shown_noise}" if len(study.noises) > 1 else ""
         said = [f"The first seed{under}. Numbers in the pictures are PSNR over all that is measured of the scene."]
+        said += [_SPECTRA] if any("wavelength" in axis.get_xlabel() for axis in figure.axes) else []
+        said += [str(figure.get_label())] if figure.get_label() else []
         made.append(Section(f"Side by side: {scene}", said, figures={f"Truth and estimates of {scene}": figure}))
     return [*made, *sections(found, study), *_how(found)]
 
@@ -103,6 +109,13 @@ def _about(study: Study, found: Row) -> list[str]:
         f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",
         f"Sensor: {noises}. Priors learn from {learned}, never from a measured scene.",
     ]
+
+
+def _in_words(columns: Sequence[Column]) -> list[str]:
+    """What the figures of merit are."""
+    known = [(heading.partition(" (")[0], meaning(name)) for name, heading, _ in columns]
+    said = "; ".join(f"{heading}: {words}" for heading, words in known if words)
+    return [f"{said}. Light is the share of a white scene's light that is recorded."] if said else []
 
 
 def _said(sensor: dict[str, Any]) -> str:

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from tmca.codes import BURST
+from tmca.codes.files import is_burst
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
@@ -105,7 +106,8 @@ class Code(Strict):
     @property
     def burst(self) -> bool:
         """Whether they are frames one after the other, which multiplex nothing."""
-        return BURST in (self.camera.get("shutter"), self.search and self.search.kind)
+        of_file = self.file is not None and is_burst(self.file)
+        return of_file or BURST in (self.camera.get("shutter"), self.search and self.search.kind)
 
 
 class StudyNetwork(Strict):

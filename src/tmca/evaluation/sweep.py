@@ -20,6 +20,7 @@ from tmca.evaluation.study_parts import TrainStage
 from tmca.evaluation.tables import (
     check_counts,
     check_resumed,
+    made_by,
     markdown_table,
     means,
     not_meaningful,
@@ -278,7 +279,7 @@ def markdown(results: dict[str, Any], labels: Mapping[str, str], columns: Sequen
     learned = ", ".join(results["train"]) or "the rendered training scenes"
     units = "; ".join(f"{name}: {UNITS[name]}" for name in axes if name in UNITS)
     lines = [f"# {results['camera']}: sweep over " + " and ".join(axes), ""]
-    lines += [f"Command: `{results['command']}` at commit `{results['commit']}`.", ""]
+    lines += [made_by(results), ""]
     said = f"decoder {labels[decoder]}" if decoder else "decoders side by side"
     said = f"{said[0].upper()}{said[1:]}{settings}; prior and networks learned from {learned}."
     lines += [f"{said} Means over {', '.join(results['scenes'])}.{f' {units}.' if units else ''}", ""]

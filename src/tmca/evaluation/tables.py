@@ -259,6 +259,12 @@ def _missing(value: Any) -> bool:
     return value is None or (isinstance(value, float) and isnan(value))
 
 
+def made_by(results: Mapping[str, Any]) -> str:
+    """The command that made results, and the commit where one is known, for a page."""
+    called = f"Command: `{results['command']}`" if results["command"] else "Called from Python"
+    return f"{called} at commit `{results['commit']}`." if results["commit"] else f"{called}."
+
+
 def repository_commit() -> str | None:
     """Commit of the checkout that the package runs from (``-dirty`` with uncommitted changes), None outside of one."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]

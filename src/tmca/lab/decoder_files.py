@@ -9,19 +9,17 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.cameras import CAMERAS, load_cameras
 from tmca.decoders import Decoder
 from tmca.decoders.decoder import Progress
-from tmca.decoders.registry import DECODERS, register
+from tmca.decoders.own import decoder_of_file
+from tmca.decoders.registry import all_cameras
 from tmca.errors import SettingError
 from tmca.lab.checked_graph import CheckedProgram, load_program
 from tmca.lab.deploy import DESCRIPTION, Description, check_camera, read_description
-from tmca.plugins import class_from_file, file_of, names_a_file
+from tmca.plugins import names_a_file
 
 _LOADED: dict[str, str] = {}
 """Name of a decoder that was loaded in this process → how it was named, with the whole path."""
-_UNNAMED: set[type[Any]] = set()
-"""Classes of one's own that do not say their name."""
 
 
 class ExportedDecoder(Decoder):
@@ -65,7 +63,7 @@ def decoder_named(text: str, where: str = "decoder", name: str = "") -> str:
     """
     if not is_file(text):
         return text
-    cls = _own(text, where, name) if names_a_file(text) else _exported(Path(text), where, name)
+    cls = decoder_of_file(text, Decoder, where, name) if names_a_file(text) else _exported(Path(text), where, name)
     _LOADED[cls.name] = place_of(text)
     return str(cls.name)
 
@@ -119,37 +117,11 @@ def loaded(names: Iterable[str]) -> dict[str, str]:
     return {name: _LOADED[name] for name in names if name in _LOADED}
 
 
-def _own(text: str, where: str, name: str) -> type[Decoder]:
-    """A class of a file; its name is that of the class, and it is for all cameras, where it does not say."""
-    cls = class_from_file(text, Decoder, where)
-    own = vars(cls)
-    if "name" not in own or cls in _UNNAMED:  # one that it inherits is another decoder's
-        _UNNAMED.add(cls)
-        cls.name, before = name or cls.__name__, own.get("name")
-        if "label" not in own or cls.label == before:
-            cls.label = cls.name
-    elif "label" not in own:
-        cls.label = cls.name
-    if not hasattr(cls, "cameras"):
-        cls.cameras = _all()
-    for known in [known for known, other in DECODERS.items() if other is cls]:
-        DECODERS.pop(known)
-    if cls.name in DECODERS and file_of(DECODERS[cls.name]):  # of another file, that was named before
-        DECODERS.pop(cls.name)
-    register(cls)
-    return cls
-
-
 def _exported(path: Path, where: str, name: str) -> type[Decoder]:
     """A decoder that computes an exported program, named after its file."""
     if not path.is_file():
         raise SettingError(where, f"{path}, which is no file", "a file of `tmca decoder export`")
     about = read_description(path.parent) if (path.parent / DESCRIPTION).is_file() else None
     name = name or (path.stem if about is None else path.resolve().parent.name)
-    parts = {"name": name, "label": name, "cameras": _all(), "about": about, "program": load_program(path)}
+    parts = {"name": name, "label": name, "cameras": all_cameras(), "about": about, "program": load_program(path)}
     return type(name, (ExportedDecoder,), {**parts, "file": str(path), "__doc__": ExportedDecoder.__doc__})
-
-
-def _all() -> frozenset[str]:
-    load_cameras()
-    return frozenset(CAMERAS)

@@ -30,16 +30,15 @@ class Merit:
         return ", ".join(part for part in (self.unit, self.about, self.direction) if part)
 
 
-_AT_MOST_ONE = Merit("", True, "at most 1")
 MERITS: dict[str, Merit] = {
     "psnr": Merit("dB", True),
     "psnr_min": Merit("dB", True, "of the worst view"),
     "psnr_max": Merit("dB", True, "of the best view"),
-    "ssim": _AT_MOST_ONE,
-    "uiqi": _AT_MOST_ONE,
-    "sam": Merit("degrees", False),
-    "ergas": Merit("%", False, "relative error"),
-    "dd": Merit("", False, "mean absolute error"),
+    "ssim": Merit("", True, "structural similarity, at most 1"),
+    "uiqi": Merit("", True, "universal image quality index, at most 1"),
+    "sam": Merit("degrees", False, "spectral angle"),
+    "ergas": Merit("%", False, "relative global error over all bands"),
+    "dd": Merit("", False, "degree of distortion, the mean absolute error"),
     "disparity_mae": Merit("px per view step", False),
     "disparity_badpix": Merit("", False, "share of pixels"),
     "depth_mae": Merit("m", False),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 COLUMN, PAGE = 85.0, 178.0
 """Widths of a column and of a page of most journals, mm."""
+TALLEST = 220.0
+"""Height of a figure that leaves room for its caption on a page, mm."""
 POINTS = 7.0
 """Size of all texts, points."""
 _INCH, _LINE, _LETTER = 25.4, 3.1, 1.32
@@ -38,6 +40,8 @@ _CORNER = (0.025, 0.965)
 """Share of a picture's width and height where its text begins."""
 _AT_EDGE = 0.85
 """Share of the width behind which the number of a point stands at its left."""
+_SMALLEST, _STEP = 24.0, 0.5
+"""Width of a picture that is made smaller so that all fit, at least, and by how much at a time, mm."""
 _WIDE, _MOST = 3, 6
 """Pictures beside each other in a column, and in a page."""
 _LINES = ("#00798c", "#d1495b", "#edae49", "#66a182", "#8d6a9f", "#8c564b", "#17becf", "#7f7f7f")
@@ -133,12 +137,17 @@ def paper_figure(panels: Panels) -> Figure:
     """Pictures of all estimates with the truth at their left, colour bars below it, and curves below all.
 
     It is as wide as a column of a journal where that holds all pictures, else as a page. More columns than fit go on
-    below.
+    below. Pictures become smaller, within bounds, where the figure would be higher than ``TALLEST``.
     """
     from matplotlib import rc_context
 
     with rc_context({"font.size": POINTS, "axes.linewidth": _LOOSE}):
         return _Sheet(panels).drawn()
+
+
+def fits_a_page(panels: Panels) -> bool:
+    """Whether the figure is at most ``TALLEST`` high."""
+    return _Sheet(panels).height <= TALLEST
 
 
 class _Sheet:
@@ -152,20 +161,36 @@ class _Sheet:
         held = (_WIDE if most <= _WIDE else _MOST) - self.first
         each = -(-len(panels.columns) // -(-len(panels.columns) // held))
         self.blocks = [panels.columns[first : first + each] for first in range(0, len(panels.columns), each)]
-        beside = len(self.blocks[0]) + self.first
-        self.names = _NAMES if any(panels.rows) else 0.0
-        self.side = (self.width - self.names - beside * _GAP) / max(beside, 2)
-        self.heights = [self.side * picture.aspect for picture in next(iter(panels.estimates.values()))]
+        self.beside = len(self.blocks[0]) + self.first
+        self.legend = self._legend_lines()
+        self._sized(None)
+        while self.height > TALLEST and self.side - _STEP >= _SMALLEST:
+            self._sized(self.side - _STEP)
+
+    def _sized(self, side: float | None) -> None:
+        """Lay out with pictures of a width, or as wide as they can be; twice, as names of rows depend on heights."""
+        self.names, room = _NAMES if any(self.panels.rows) else 0.0, 0.0
+        for _ in range(2):
+            room = (self.width - self.names - self.beside * _GAP) / max(self.beside, 2)
+            self.side = room if side is None else min(side, room)
+            self.heights = [self.side * picture.aspect for picture in next(iter(self.panels.estimates.values()))]
+            self.tall = sum(self.heights) + _GAP * len(self.heights)
+            lines = max(self._row_name(row).count("\n") for row in self.panels.rows)
+            self.names += _LINE * lines if self.names == _NAMES else 0.0
+        self.margin = (room - self.side) * self.beside / 2
         self.heads = [max(len(self._wrapped(name)) for name in (*block, "truth")) for block in self.blocks]
+        below = (_CURVES + _LINE * (self.legend + 2) + _BELOW) if self.panels.curves else 0.0
+        rows = self.tall * len(self.panels.rows)
+        self.height = sum(_LINE * head + _HEAD + rows for head in self.heads) + below + _GAP
+
+    def _row_name(self, row: str) -> str:
+        """In lines as long as a row is high."""
+        return textwrap.fill(row, max(_FEWEST_LETTERS, int((self.tall - _GAP) / _LETTER)))
 
     def drawn(self) -> Figure:
         """The figure."""
         from matplotlib.figure import Figure
 
-        legend = self._legend_lines()
-        below = (_CURVES + _LINE * (legend + 2) + _BELOW) if self.panels.curves else 0.0
-        tall = sum(self.heights) + _GAP * len(self.heights)
-        self.height = sum(_LINE * head + _HEAD + tall * len(self.panels.rows) for head in self.heads) + below + _GAP
         self.figure = Figure(figsize=(self.width / _INCH, self.height / _INCH))
         top = 0.0
         for block, head in zip(self.blocks, self.heads, strict=True):
@@ -173,7 +198,7 @@ class _Sheet:
             self._block(block, top)
             if self.panels.truth and block == self.blocks[0]:
                 self._truth(top)
-            top += tall * len(self.panels.rows)
+            top += self.tall * len(self.panels.rows)
         if self.panels.curves:
             self._curves(top + 2 + _LINE)
         return self.figure
@@ -190,7 +215,7 @@ class _Sheet:
 
     def _left(self, column: int) -> float:
         """Of the pictures in a column, the truth being the first."""
-        return column * (self.side + _GAP) + (self.names if column >= self.first else 0.0) + _GAP / 2
+        return self.margin + column * (self.side + _GAP) + (self.names if column >= self.first else 0.0) + _GAP / 2
 
     def _wrapped(self, name: str) -> list[str]:
         return textwrap.wrap(name, max(_FEWEST_LETTERS, int(self.side / _LETTER))) or [""]
@@ -202,12 +227,11 @@ class _Sheet:
         """Estimates of some columns, row by row."""
         for place, name in enumerate(columns, self.first):
             self._head(place, top, name)
-        tall = sum(self.heights) + _GAP * len(self.heights)
         for number, row in enumerate(self.panels.rows):
-            above = top + number * tall
-            middle = above + (tall - _GAP) / 2
+            above = top + number * self.tall
+            middle = above + (self.tall - _GAP) / 2
             beside = self._left(self.first) - _GAP
-            self.text(beside, middle, row, rotation=90, ha="right", va="center")
+            self.text(beside, middle, self._row_name(row), rotation=90, ha="right", va="center")
             for place, column in enumerate(columns, self.first):
                 if (column, row) in self.panels.estimates:
                     self._stack(self.panels.estimates[column, row], self._left(place), above)

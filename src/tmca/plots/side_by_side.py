@@ -13,7 +13,7 @@ from tmca.metrics import psnr
 from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, sample_points, white_level
 from tmca.plots.light_field import centre_view, error_top
-from tmca.plots.paper import Curves, Panels, Picture, Scale, paper_figure
+from tmca.plots.paper import Curves, Panels, Picture, Scale, fits_a_page, paper_figure
 from tmca.plots.style import bright_level, rms
 from tmca.plots.views import brightest, horizontal_slice, liveliest, shown
 
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 Name = tuple[str, str]
 """Of a column, of a row."""
 _UNIT = "relative irradiance"
+_ERRORS = ("error", "off")
+"""Scales of maps of errors."""
 _POINTS = 3
 _SLICE = 0.22
 """Height of an epipolar picture as a share of its width."""
@@ -38,8 +40,33 @@ def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None, names:
         estimates: (name of the column, name of the row) → as `Estimate.to_xarray` labels it; all of one shape.
         truth: the scene, brought to the camera: its radiance, or with its depth.
         names: all that have a place, in their order; in the places of those without an estimate stands that it failed.
+
+    Returns:
+        A figure that fits a page; its label says what was left out for that: error maps, then the last rows.
     """
-    return paper_figure(replace(_panels(estimates, truth), names=names))
+    panels, said = replace(_panels(estimates, truth), names=names), ""
+    if not fits_a_page(panels):
+        panels, said = _without_errors(panels), "Error maps are left out, so that the figure fits a page."
+    while not fits_a_page(panels) and any(row != panels.rows[-1] for _, row in panels.estimates):
+        panels = _without_last(panels)
+        said = f"So that the figure fits a page, it has no error maps, and the first {len(panels.rows)} decoders alone."
+    figure = paper_figure(panels)
+    figure.set_label(said)
+    return figure
+
+
+def _without_errors(panels: Panels) -> Panels:
+    """All but the maps of errors."""
+    kept = {name: [one for one in each if one.scale not in _ERRORS] for name, each in panels.estimates.items()}
+    scales = {name: scale for name, scale in panels.scales.items() if name not in _ERRORS}
+    return replace(panels, estimates=kept, scales=scales)
+
+
+def _without_last(panels: Panels) -> Panels:
+    """All but the last row."""
+    last = panels.rows[-1]
+    kept = {name: each for name, each in panels.estimates.items() if name[1] != last}
+    return replace(panels, estimates=kept, names=[name for name in panels.names or kept if name[1] != last])
 
 
 def _panels(estimates: Mapping[Name, xr.Dataset], truth: Any) -> Panels:

@@ -23,6 +23,8 @@ BLUE, RED = "#00798c", "#d1495b"
 GREY = "0.75"
 """Of unknown pixels."""
 COLOURS = (BLUE, RED, "#edae49", "#66a182", "#8d6a9f")
+_TRUETYPE = 42
+"""Matplotlib's number of TrueType fonts in a PDF."""
 _BAR = 0.12
 """Inches across a colour bar, at least."""
 _DENSITY, _WIDEST = 110, 13.0
@@ -30,15 +32,18 @@ _DENSITY, _WIDEST = 110, 13.0
 
 
 def save_figure(figure: Figure, path: str | Path, *, overwrite: bool = False, dpi: float | None = None) -> Path:
-    """Write a figure as PNG, PDF or SVG, by its suffix, whole or not at all.
+    """Write a figure as PNG, PDF or SVG, by its suffix, whole or not at all; a PDF has its fonts as TrueType, which
+    journals ask for and programs can edit.
 
     Raises:
         OutputError: another suffix, the file exists, or it cannot be written.
     """
+    from matplotlib import rc_context
+
     from tmca.data import atomic_path
 
     check_picture(path)
-    with atomic_path(path, overwrite=overwrite) as temporary:
+    with atomic_path(path, overwrite=overwrite) as temporary, rc_context({"pdf.fonttype": _TRUETYPE}):
         figure.savefig(temporary, dpi=dpi or figure.dpi, format=Path(path).suffix[1:].lower(), facecolor="white")
     return Path(path)
 

@@ -8,13 +8,14 @@ from tmca.sensor.colour import (
     channel_weights,
     feasible_filters,
 )
-from tmca.sensor.sensor import Noise, Sensor, quantise, shot_noise
+from tmca.sensor.sensor import Noise, Sensor, SensorWarning, quantise, shot_noise
 
 __all__ = [
     "FILTERS",
     "ColourCodedAperture",
     "Noise",
     "Sensor",
+    "SensorWarning",
     "band_wavelengths",
     "channel_response",
     "channel_weights",

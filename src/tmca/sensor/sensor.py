@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import torch
 from torch import Tensor, nn
@@ -15,9 +16,15 @@ from tmca.summaries import Summary
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_WHITE, _WELL = 1.0, 0.1
+"""Read noise, snapshot units, above which it was most likely meant in electrons, and the same beside a full well."""
 _LEAST_NOISE = 1e-6
 _MOST_NOISE = 1e6
 """Snapshot units or electrons that no sensor's noise reaches."""
+
+
+class SensorWarning(UserWarning):
+    """A sensor that was most likely meant otherwise."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,9 @@ class Sensor(Summary, nn.Module):
     Raises:
         SettingError: no number, negative or absurd noise, a full well of no electrons, bits outside 1…32, electrons
             without a full well.
+
+    Warns:
+        SensorWarning: a read noise that hides every scene, as one that was meant in electrons does.
     """
 
     def __init__(
@@ -123,6 +133,7 @@ class Sensor(Summary, nn.Module):
             raise SettingError("read_noise_electrons", found, expected, "or use read_noise")
         if bits is not None:
             check_range("bits", bits, 1, 32)
+        _warn_of_electrons(read_noise, full_well)
         self.read_noise, self.full_well, self.read_noise_electrons = read_noise, full_well, read_noise_electrons
         self.bits, self.pedestal = bits, pedestal
         self.saturates = saturates if saturates is not None else (bits is not None or full_well is not None)
@@ -203,3 +214,11 @@ class Sensor(Summary, nn.Module):
 
     def _picture(self) -> Figure:
         return self.plot()
+
+
+def _warn_of_electrons(read_noise: float, full_well: float | None) -> None:
+    """Warns of a read noise that looks like one in electrons."""
+    if read_noise > (_WHITE if full_well is None else _WELL):
+        remedy = "full_well and read_noise_electrons" if full_well is None else "read_noise_electrons"
+        text = f"read_noise {read_noise:g} is in units of one white band or view; for electrons use {remedy}"
+        warn(text, SensorWarning, stacklevel=4)

@@ -60,8 +60,8 @@ class CodedSpec(CameraSpec):
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     preset: str | None = None
     """Start from a named camera: thesis, one-hot (of the spectral camera where no option says what it shows),
-    two-bucket, and of the spectral camera cassi (static), of the light field clfp (static) and quick. Other options
-    replace its values."""
+    two-bucket, burst (of two frames), and of the spectral camera cassi (static), of the light field clfp (static) and
+    quick. Other options replace its values."""
     period: Pixels | None = None
     "Tile of the codes in pixels; full frame without it."
     seed: Seed = 0
