@@ -98,4 +98,8 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     main(["point-cloud", "d.nc", "--confidence", "0.75", "--out", "e.ply", "--json"])
     assert json.loads(capsys.readouterr().out) == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
     assert "--focal: found -1 px" in refused(capsys, "point-cloud", "d.nc", "--focal=-1", "--out", "f.ply")
-    assert "no depth in it" in refused(capsys, "point-cloud", "views.nc", "--out", "f.ply")
+    asked = refused(capsys, "point-cloud", "views.nc", "--focal", "20", "--out", "f.ply")
+    assert "--baseline: found no baseline, focus" in asked
+    geometry = ("--focal", "20", "--baseline", "0.05", "--focus", "1")
+    main(["point-cloud", "views.nc", *geometry, "--out", "f.ply"])
+    assert "points of 1800 pixels, focal length 20 px" in capsys.readouterr().out

@@ -71,7 +71,7 @@ class Estimate(Summary):
         if self.deviation is not None:
             parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
-            attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
+            attrs = {**focal_length(self.camera), **attrs, PLANES: json.dumps(asdict(self.camera.planes))}
         sure = "probability of the plane of the depth and its two neighbours"
         maps_of = (("depth", self.depth, "m", f"depth {by}"), ("confidence", self.confidence, "1", sure))
         for name, plane, unit, meaning in maps_of:
