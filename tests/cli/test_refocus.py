@@ -14,6 +14,7 @@ from tests.data.test_point_cloud import read_back
 from tests.metrics.test_refocusing import two_surfaces
 from tmca.cli import main
 from tmca.data import find_disparity, label_light_field, write_dataset
+from tmca.data.in_memory import SceneWarning
 from tmca.metrics import refocus
 
 
@@ -84,6 +85,18 @@ def test_what_cannot_be_focused_is_refused(folder, capsys):
     assert "the suffix '.jpg'" in refused(capsys, "refocus", "views.nc", "--out", "a.jpg")
     assert "1 × 1 views" in refused(capsys, "refocus", "single.nc", "--all-in-focus")
     assert "which is the input" in refused(capsys, "refocus", "views.nc", "--out", "views.nc", "--overwrite")
+
+
+def test_a_snapshot_is_no_light_field_yet(folder, capsys):
+    views = tmca.read(folder / "views.nc", "light-field", views=3)
+    tmca.simulate(views, tmca.LightFieldCamera(slots=1, shutter="open")).save(folder / "taken.nc", overwrite=True)
+    assert "found a snapshot" in (line := refused(capsys, "refocus", "taken.nc"))
+    assert "run tmca reconstruct taken.nc first" in line
+
+
+def test_a_disparity_that_no_scene_has_is_warned_of(folder):
+    with pytest.warns(SceneWarning, match="disparity 50: outer views move by 50 of 40 pixels"):
+        tmca.refocus(folder / "views.nc", [0.0, 50.0])
 
 
 def test_a_scene_with_depth_becomes_points(folder, capsys):

@@ -98,9 +98,12 @@ class Estimate(Summary):
         return labelled
 
     @cached_property
-    def maps(self) -> dict[str, xr.DataArray]:
-        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`."""
-        return view_maps(self.to_xarray())
+    def maps(self) -> xr.Dataset:
+        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`; none
+        of other scenes."""
+        import xarray as xr
+
+        return xr.Dataset(view_maps(self.to_xarray()))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write `to_xarray` and, of a light field, its `maps` as NetCDF, whole or not at all.
