@@ -99,8 +99,8 @@ class Estimate(Summary):
 
     @cached_property
     def maps(self) -> xr.Dataset:
-        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`; none
-        of other scenes."""
+        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`;
+        none of other scenes."""
         import xarray as xr
 
         return xr.Dataset(view_maps(self.to_xarray()))
