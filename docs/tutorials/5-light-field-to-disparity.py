@@ -34,7 +34,8 @@ print(dict(scene.sizes))
 # %% [markdown]
 # ## One snapshot
 #
-# Four slots, and two buckets in every pixel, so that no light is lost.
+# Four slots, and two buckets in every pixel. The mask stops half of the light; of what passes it the second bucket
+# collects what the closed shutter would lose.
 
 # %%
 sensor = tmca.Sensor(full_well=30_000, read_noise_electrons=5)
@@ -65,8 +66,8 @@ maps["disparity"].plot(yincrease=False, cmap="viridis", aspect=1.4, size=3)
 maps["confidence"].plot(yincrease=False, cmap="magma", aspect=1.4, size=3)
 
 # %% [markdown]
-# The disparity is matched by plain search. Where there is no texture it guesses, and the confidence is low. How good is
-# it where the confidence is not low? The rendered scene knows the truth.
+# The disparity is matched by plain search. From one snapshot it is rough, and the confidence is only a hint: smooth errors
+# of the decoder match well, so it can be high where there is no texture. The rendered scene knows the truth.
 
 # %%
 known = tmca.data.rendered_light_field("coffee", views=5, size=(96, 128), seed=1)

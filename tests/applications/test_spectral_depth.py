@@ -10,13 +10,13 @@ import xarray as xr
 from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.camera_figures import psf_figure
 from tmca.applications.pictures import estimate_pictures
-from tmca.cameras import SpectralDepthCamera
+from tmca.cameras import SpectralCamera, SpectralDepthCamera
 from tmca.data import rendered_scene, write_dataset
 from tmca.data.depth_scenes import load_spectral_depth
 from tmca.data.fitting import middle_of
 from tmca.data.scene_names import SceneWarning
 from tmca.decoders import decode
-from tmca.errors import DataError
+from tmca.errors import DataError, SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
 from tmca.plots.cube import sample_points
@@ -65,6 +65,34 @@ def test_metric_depth_is_kept_or_told_how_it_was_mapped(camera):
     unmapped = simulate(true, camera).notes
     assert "inverse_depth_scale" not in unmapped
     assert unmapped["unknown_depth_pixels"] == unmapped["unknown_outside"] == 3 * 41
+
+
+def test_depth_that_is_mapped_is_said_and_an_argument_keeps_metres(camera):
+    scene = rendered_scene("coffee", wavelengths=WAVES)[["radiance", "depth"]].isel(y=slice(36), x=slice(41))
+    metres = np.linspace(1, 3, 36 * 41, dtype=np.float32).reshape(36, 41)
+    scene["depth"].values[:] = metres
+    with pytest.warns(SceneWarning, match=r"depths of 1 to 3 m mapped onto 0.4 to 2 m .*metric_depth=True"):
+        mapped = simulate(scene, camera)
+    assert "inverse_depth_scale" in mapped.notes
+    kept = simulate(scene, camera, metric_depth=True)
+    assert kept.notes["metric_depth"] == 1
+    assert "inverse_depth_scale" not in kept.notes
+    assert kept.notes["unknown_outside"] == int((metres > 2.0).sum()) > 0
+    truth = scene.assign(radiance=scene["radiance"], depth=scene["depth"].clip(max=2.0))
+    stored = truth.assign(confidence=truth["depth"]).assign_attrs(
+        camera="spectral-depth", decoder="x", depth_planes='{"near": 0.4, "far": 2.0, "count": 4}', metric_depth=1
+    )
+    assert evaluate(stored, scene)["depth_mae"] == 0
+    mapped_one = stored.assign_attrs({})
+    del mapped_one.attrs["metric_depth"]
+    with pytest.warns(SceneWarning, match="mapped onto 0.4 to 2 m"):
+        assert evaluate(mapped_one, scene)["depth_mae"] > 0
+
+
+def test_only_scenes_with_depth_have_metres():
+    camera = SpectralCamera(slots=1, shutter="open")
+    with pytest.raises(SettingError, match="metric_depth"):
+        simulate(rendered_scene("coffee", wavelengths=WAVES)["radiance"][:, :9, :9], camera, metric_depth=True)
 
 
 @pytest.mark.parametrize("how", [{"placed": "random"}, {"from_rgb": True}])

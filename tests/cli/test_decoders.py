@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.cli.decoders import markdown
 from tmca.decoders import DECODERS
@@ -22,6 +23,14 @@ def test_every_decoder_is_listed(capsys):
 
 def test_the_page_is_current():
     assert PAGE.read_text().endswith("\n\n" + markdown(plugins=False)), "run: python tests/cli/test_decoders.py"
+
+
+def test_a_camera_has_its_own_decoders(capsys):
+    main(["decoders", "light-field", "--json"])
+    rows = json.loads(capsys.readouterr().out)
+    assert {"dictionary", "lmmse"} <= {row["name"] for row in rows} < {*DECODERS}
+    assert all("light-field" in row["cameras"] for row in rows)
+    assert "did you mean light-field?" in refused(capsys, "decoders", "lightfield")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from tests.data.test_point_cloud import read_back
 from tests.metrics.test_refocusing import two_surfaces
 from tmca.cli import main
 from tmca.data import find_disparity, label_light_field, write_dataset
+from tmca.data.in_memory import SceneWarning
 from tmca.metrics import refocus
 
 
@@ -86,6 +87,18 @@ def test_what_cannot_be_focused_is_refused(folder, capsys):
     assert "which is the input" in refused(capsys, "refocus", "views.nc", "--out", "views.nc", "--overwrite")
 
 
+def test_a_snapshot_is_no_light_field_yet(folder, capsys):
+    views = tmca.read(folder / "views.nc", "light-field", views=3)
+    tmca.simulate(views, tmca.LightFieldCamera(slots=1, shutter="open")).save(folder / "taken.nc", overwrite=True)
+    assert "found a snapshot" in (line := refused(capsys, "refocus", "taken.nc"))
+    assert "run tmca reconstruct taken.nc first" in line
+
+
+def test_a_disparity_that_no_scene_has_is_warned_of(folder):
+    with pytest.warns(SceneWarning, match="disparity 50: outer views move by 50 of 40 pixels"):
+        tmca.refocus(folder / "views.nc", [0.0, 50.0])
+
+
 def test_a_scene_with_depth_becomes_points(folder, capsys):
     depth, waves = np.add.outer(np.linspace(1, 2, 6), np.zeros(8)).astype(np.float32), np.linspace(45e-8, 65e-8, 4)
     parts = {"radiance": (("wavelength", "y", "x"), np.full((4, 6, 8), 0.5, np.float32)), "depth": (("y", "x"), depth)}
@@ -98,4 +111,8 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     main(["point-cloud", "d.nc", "--confidence", "0.75", "--out", "e.ply", "--json"])
     assert json.loads(capsys.readouterr().out) == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
     assert "--focal: found -1 px" in refused(capsys, "point-cloud", "d.nc", "--focal=-1", "--out", "f.ply")
-    assert "no depth in it" in refused(capsys, "point-cloud", "views.nc", "--out", "f.ply")
+    asked = refused(capsys, "point-cloud", "views.nc", "--focal", "20", "--out", "f.ply")
+    assert "--baseline: found no baseline, focus" in asked
+    geometry = ("--focal", "20", "--baseline", "0.05", "--focus", "1")
+    main(["point-cloud", "views.nc", *geometry, "--out", "f.ply"])
+    assert "points of 1800 pixels, focal length 20 px" in capsys.readouterr().out

@@ -10,6 +10,7 @@ import tmca
 from tmca.metrics import refocus
 from tmca.plots.views import brightest
 from tmca.viewer.opening import open_items
+from tmca.viewer.truths import beside_truth
 
 READY = "tmca.planes.whole(0, tmca.desk.items[0].layers[0])"
 
@@ -44,7 +45,37 @@ def test_the_disparity_of_a_file_is_a_layer():
     with ExitStack() as stack:
         [item] = open_items(xr.Dataset({"light_field": smooth(), "disparity": map_}), stack)
     np.testing.assert_array_equal(item.layer("disparity").plane(0), map_)
-    assert item.view["reach"] == (-2.0, 3.0)
+    assert item.view["reach"] == (-1.0, 3.0)
+
+
+def test_the_confidence_of_an_estimate_is_a_layer_and_its_metrics_are_said_once():
+    field = smooth()
+    estimate = tmca.reconstruct(tmca.simulate(field, tmca.LightFieldCamera(slots=1, shutter="open")), "dagger")
+    estimate.notes["metric_psnr"] = 1.0
+    with ExitStack() as stack:
+        item, _ = beside_truth(estimate, field, stack)
+    assert [layer.name for layer in item.layers] == ["values", "disparity", "confidence"]
+    np.testing.assert_array_equal(item.layers[2].plane(0), estimate.maps["confidence"])
+    assert [name for name in item.facts if name.lower() == "psnr"] == ["PSNR"]
+    low, high = item.view["reach"]
+    shown = item.layers[1].shown_span()
+    assert low <= shown[0] < low + 0.5
+    assert high - 0.5 <= shown[1] <= high or high == low + 0.5
+
+
+def test_a_truth_does_not_hide_epipolar_lines(look):
+    field = smooth()
+    estimate = tmca.reconstruct(tmca.simulate(field, tmca.LightFieldCamera(slots=1, shutter="open")), "dagger")
+    looked = look(estimate, truth=field, hash="#cursor=7,9")
+    looked.until(READY)
+    keys = looked.until("[...tmca.desk.panels.keys()]")
+    assert [key for key in keys if key.endswith("/across")] == ["0/across", "1/across"]
+    assert "0/confidence" in keys
+    looked.until("tmca.desk.panels.get('1/across').spec.paint.plane")
+    lines = np.array(looked.ask("Array.from(tmca.desk.panels.get('1/across').spec.paint.plane.data)"))
+    expected = 255 * np.clip(field.values[2, :, 7] / brightest(field.values), 0, 1)
+    np.testing.assert_allclose(lines.reshape(5, 24, 3)[..., 1], expected, atol=1)
+    assert looked.errors == []
 
 
 def test_the_page_refocuses_as_the_package_does(look):

@@ -150,6 +150,14 @@ class Application(ABC):
             DataError, SettingError: a scene that is smaller, or has other bands.
         """
 
+    def in_metres(self, scene: Any) -> Scene:
+        """The scene, marked so that `fitted` keeps its depth in metres.
+
+        Raises:
+            SettingError: scenes of this kind have no depth.
+        """
+        raise SettingError("metric_depth", "True", f"none: a {self.kind} scene has no depth", "leave it out")
+
     @abstractmethod
     def tensors(self, scene: Any) -> tuple[Tensor, ...]:
         """What the camera images: the scene (B, *scene_shape) and, where there is one, its depth (B, 1, H, W)."""

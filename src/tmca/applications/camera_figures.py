@@ -19,8 +19,7 @@ _POINTS = 4
 
 def snapshot_figure(snapshot: Snapshot[Any], title: str) -> Figure:
     """The recorded image, mean of its colours or channels, and how its values fill the sensor's range."""
-    channels = snapshot.camera.snapshot_shape[0] // snapshot.camera.buckets
-    title += f", mean of {channels} channels" if channels > 1 else ""
+    title += snapshot.averaged
     return codes.snapshot_figure(snapshot.image(), snapshot.camera.full_scale, snapshot.camera.channel, title)
 
 

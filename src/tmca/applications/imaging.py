@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from tmca.arguments import Pair, Seed, checked, described
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.data import describe
+from tmca.data.fitting import METRES
 from tmca.data.in_memory import bare_cube, check_light, warn_of_estimate
 from tmca.data.scene_names import compare_scene
 from tmca.data.unlabelled import of_array
@@ -46,6 +48,7 @@ def simulate(
     seed: Seed = 0,
     motion: Pair = (0.0, 0.0),
     hardware: Hardware | None = None,
+    metric_depth: bool = False,
     progress: Asked = None,
 ) -> Snapshot[Any]:
     """Take a snapshot of a scene.
@@ -59,24 +62,28 @@ def simulate(
         motion: rows and columns by which the scene moves from the beginning to the end of the exposure, pixels; the
             scene is its place in the middle.
         hardware: faults of the bench that takes it; the snapshot's camera is the one that is known.
+        metric_depth: keep the depth of a scene in metres. Without it, depth beyond the range of a spectral-depth camera
+            is mapped onto this range, evenly in inverse depth.
         progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
             a second in a terminal or a notebook.
 
     Raises:
-        SettingError: faults that this camera cannot have, another number of scenes than slots, or several that move.
+        SettingError: faults that this camera cannot have, another number of scenes than slots, several that move, or
+            metric_depth of a scene without depth.
         DataError, ShapeError: a scene that the camera cannot image, or one with NaN, infinite or negative values.
 
     Warns:
-        SceneWarning: a scene with values above 1.
+        SceneWarning: a scene with values above 1, or depth that was mapped.
     """
     application = application_of(camera)
     several: Sequence[Any] = scene if isinstance(scene, list | tuple) else [scene]
     scenes = [application.scene(one, camera) for one in several]
     if not scenes:
         raise SettingError("scene", "an empty list", "one scene, or one for each slot")
+    scenes = [application.in_metres(one) for one in scenes] if metric_depth else scenes
     camera = camera.bound_to(**application.parts(scenes[0]))
     name = str(scenes[0].attrs.get("name", ""))
-    fitted = [application.fitted(one, camera, name or "scene") for one in scenes]
+    fitted = list(map(application.fitted, scenes, repeat(camera), repeat(name or "scene")))
     for one in fitted:
         check_light(_light(one), name or "scene")
     faults = hardware or Hardware()
@@ -155,7 +162,8 @@ def evaluate(
         SettingError: no estimate.
 
     Warns:
-        SceneWarning: a truth of another name than the scene that is noted, or an estimate far outside 0 to 1.
+        SceneWarning: a truth of another name than the scene that is noted, a depth that was mapped onto the camera's
+            range, or an estimate far outside 0 to 1.
     """
     return evaluation_of(estimate, truth, frames=frames, **reading).metrics
 
@@ -194,6 +202,7 @@ def evaluation_of(
         for name in {} if isinstance(estimate, str | Path) else reading:
             raise SettingError(name, "a way to read", "none of a truth in memory", "leave it out")
         labelled = application.scene(truth, camera, "truth")
+        labelled = application.in_metres(labelled) if METRES in stored.attrs else labelled
         scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)

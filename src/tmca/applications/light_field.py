@@ -20,9 +20,11 @@ from tmca.data import label_light_field, light_fields
 from tmca.data.fitting import fit_views
 from tmca.data.in_memory import as_tensors, as_views, of_shape
 from tmca.data.light_field_scenes import load_light_field, true_disparity
+from tmca.data.light_fields import VIEW_DIMS
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
+from tmca.metrics.refocusing import has_parallax
 from tmca.plots.light_field import geometry_figure, light_field_figure
 from tmca.plots.views import focus_steps, refocus_strip
 from tmca.sensor import Sensor
@@ -145,7 +147,8 @@ class LightFieldApplication(Application):
     def geometry(self, estimate: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
         """See ``Application``: error of the disparity that the views show."""
         views = estimate["estimate"]
-        real = _true_disparity(truth, views)
+        still = set(views.dims) <= {"colour", *VIEW_DIMS} and has_parallax(views.values)
+        real = _true_disparity(truth, views) if still else None
         if real is None:
             return {}
         error = disparity_error(estimate_disparity(views.values), real)

@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.data import holds_rgbd, read_rgbd, read_spectral_depth
+from tmca.applications.refocusing import all_in_focus
+from tmca.arguments import described
+from tmca.data import holds_rgbd, read_dataset, read_rgbd, read_spectral_depth
 from tmca.data.formats.opening import is_zarr, open_contents
+from tmca.data.formats.views import open_views
+from tmca.data.light_fields import find_light_field
 from tmca.data.pixels import encoded
-from tmca.data.point_cloud import FOCAL, points_of, write_ply
+from tmca.data.point_cloud import FOCAL, FOCAL_OF, points_of, write_ply
 from tmca.data.rendering import is_rendered, rendered_scene
+from tmca.data.spectral_depth import scene_parts
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, check_range
 from tmca.plots.cube import rgb_composite
@@ -26,25 +31,32 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+AXES = "points in metres, camera at the origin, x to the right, y up, the scene at negative z"
+"""Of the head of a file."""
 _DOTS = 20_000
 """Points that are drawn."""
 
 
 @dataclass(frozen=True, repr=False)
 class PointCloud(Summary):
-    """Points in metres, x to the right, y up, the camera at the origin and looking along -z.
+    """Points in metres, x to the right, y up, the camera at the origin and looking along -z: what is in front of it has
+    a negative z.
 
     Args:
         points: ``(N, 3)``.
         colours: ``(N, 3)``.
         focal_px: of the pinhole, pixels.
         known: whether that is the camera's own; else it is as long as the picture is wide.
+        pixels: of the scene.
+        origin: where the focal length comes from, in words.
     """
 
     points: NDArray[np.float32]
     colours: NDArray[np.uint8]
     focal_px: float
     known: bool
+    pixels: int = 0
+    origin: str = ""
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write a PLY file, which MeshLab, CloudCompare and Blender open.
@@ -52,8 +64,7 @@ class PointCloud(Summary):
         Raises:
             OutputError: another suffix than ``.ply``, the file exists, or it cannot be written.
         """
-        origin = "" if self.known else ", as wide as the picture, since the camera's is not known (--focal)"
-        about = f"points in metres before a pinhole camera, focal length {self.focal_px:g} pixels{origin}"
+        about = f"{AXES}; pinhole camera, focal length {self.focal_px:g} pixels{self.origin}"
         return write_ply(self.points, self.colours, path, comment=about, overwrite=overwrite)
 
     def plot(self) -> Figure:
@@ -65,11 +76,10 @@ class PointCloud(Summary):
 
     def _facts(self) -> dict[str, str]:
         near, far = -self.points[:, 2].max(), -self.points[:, 2].min()
-        known = "" if self.known else ", not known: the width of the picture"
         return {
-            "points": str(len(self.points)),
+            "points": f"{len(self.points)} of {self.pixels} pixels" if self.pixels else str(len(self.points)),
             "distance": f"{near:.3g} to {far:.3g} m",
-            "focal length": f"{self.focal_px:g} px{known}",
+            "focal length": f"{self.focal_px:g} px{self.origin}",
         }
 
     def _picture(self) -> Figure:
@@ -77,7 +87,7 @@ class PointCloud(Summary):
 
 
 def point_cloud(
-    source: str | Path | xr.Dataset | Estimate,
+    source: str | Path | xr.Dataset | xr.DataArray | Estimate,
     focal_px: float | None = None,
     least_confidence: float = 0.0,
     *,
@@ -90,9 +100,10 @@ def point_cloud(
     distance, ``d = focal_px · baseline · (1/z − 1/focus)``.
 
     Args:
-        source: an estimate by the spectral-depth camera or its file, a scene with depth, a rendered one by name, or an
-            estimate of a light field.
-        focal_px: of the camera, pixels; what the scene says of its camera without it, or the width of the picture.
+        source: a scene with depth or a light field: an estimate or its file, what `tmca.read` gives, another file, or a
+            rendered one by name, such as ``motorcycle`` or ``coffee:1``.
+        focal_px: of the camera, pixels. Without it: what the scene says of its camera, else the width of the picture;
+            a light field needs it.
         least_confidence: pixels below it are left out, where the depth has a confidence.
         baseline: of a light field, metres between neighbouring views.
         focus: of a light field, metres to the plane whose disparity is 0.
@@ -100,13 +111,15 @@ def point_cloud(
     Raises:
         DataError: no scene with depth, or one without any point.
         SettingError: a focal length that is not above 0, a confidence that the scene does not have, a light field
-            without its baseline and focus, or another scene with them.
+            without its focal length, baseline and focus, or another scene with these two.
     """
     scene, picture = _scene(source)
-    told = float(scene.attrs.get(FOCAL, 0.0))
-    focal = focal_px if focal_px is not None else told if told > 0 else float(scene.sizes["x"])
+    focal, known, origin = _focal(scene, focal_px)
     check_range("focal", focal, above=0, unit="px")
-    depth = _depth(scene, focal, {"baseline": baseline, "focus": focus})
+    of_views = {"baseline": baseline, "focus": focus}
+    if "depth" not in scene:
+        _check_given({"focal": focal if known else None, **of_views})
+    depth = _depth(scene, focal, of_views)
     sure = None
     if least_confidence > 0:
         if "confidence" not in scene:
@@ -118,7 +131,28 @@ def point_cloud(
     if not len(points):
         where = str(source) if isinstance(source, str | Path) else "scene"
         raise DataError(where, "no pixel with a depth", "some", "take a lower --confidence" if sure is not None else "")
-    return PointCloud(points, colours, focal, focal_px is not None or told > 0)
+    return PointCloud(points, colours, focal, known, depth.size, origin)
+
+
+def _focal(scene: xr.Dataset, given: float | None) -> tuple[float, bool, str]:
+    """Focal length in pixels, whether it is that of a camera, and where it comes from."""
+    told = float(scene.attrs.get(FOCAL, 0.0))
+    if given is not None:
+        return given, True, ""
+    if told > 0:
+        of_bench = scene.attrs.get(FOCAL_OF) == "bench"
+        return told, True, ", that of the bench; a simulated scene has its own (--focal, focal_px=)" if of_bench else ""
+    return float(scene.sizes["x"]), False, ", the width of the picture, as none is known (--focal, focal_px=)"
+
+
+def _check_given(geometry: Mapping[str, float | None]) -> None:
+    """Raises SettingError unless all of the geometry of a light field is given."""
+    missing = [name for name, value in geometry.items() if value is None]
+    if missing:
+        options, names = (", ".join(f"{mark}{name}" for name in missing) for mark in ("--", ""))
+        names = names.replace("focal", "focal_px")
+        expected = "what turns the disparity of the light field into metres"
+        raise SettingError(missing[0], f"no {names}", expected, f"give {names} ({options})")
 
 
 def _depth(scene: xr.Dataset, focal: float, of_views: Mapping[str, float | None]) -> NDArray[np.floating]:
@@ -137,26 +171,54 @@ def _depth(scene: xr.Dataset, focal: float, of_views: Mapping[str, float | None]
     return np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1.0), np.nan)
 
 
-def _scene(source: str | Path | xr.Dataset | Estimate) -> tuple[xr.Dataset, NDArray[np.floating]]:
+def _scene(source: Any) -> tuple[xr.Dataset, NDArray[np.floating]]:
     """A scene with its depth, or its disparity, and its colours (y, x, 3) in [0, 1]."""
     if isinstance(source, Estimate):
         source = source.to_xarray().assign(source.maps)
-    if isinstance(source, str | Path):
-        if holds_rgbd(source):
-            scene = read_rgbd(source)
-            return scene, np.moveaxis(encoded(scene["rgb"].values), 0, -1)
-        rendered = not Path(source).exists() and is_rendered(str(source))
-        scene = rendered_scene(str(source)) if rendered else _with_confidence(Path(source))
-    else:
-        scene = source
+    if isinstance(source, str | Path) and holds_rgbd(source):
+        scene = read_rgbd(source)
+        return scene, np.moveaxis(encoded(scene["rgb"].values), 0, -1)
+    scene = _read(source) if isinstance(source, str | Path) else _in_memory(source)
     if {"disparity", "all_in_focus"} <= set(scene):
         shape = (3, scene.sizes["y"], scene.sizes["x"])
         sharp = np.moveaxis(np.broadcast_to(scene["all_in_focus"].values, shape), 0, -1)
         return scene, encoded(np.clip(sharp / bright_level(sharp), 0, 1))
     if not {"radiance", "depth"} <= set(scene):
-        raise DataError("scene", ", ".join(map(str, scene)) or "nothing", "radiance and depth")
+        raise DataError("scene", ", ".join(map(str, scene)) or "nothing", "radiance and depth, or a light field")
     cube = scene["radiance"]
     return scene, rgb_composite(cube.values, cube["wavelength"].values.tolist())
+
+
+def _in_memory(scene: Any) -> xr.Dataset:
+    """A dataset of depth, or the maps of the views of a light field."""
+    if not hasattr(scene, "dims"):
+        raise DataError("scene", described(scene), "radiance and depth, or a light field, as tmca.read gives it")
+    held = getattr(scene, "data_vars", {"": scene})
+    maps = {"disparity", "all_in_focus"} <= set(held)
+    if not maps and any("view_v" in one.dims for one in held.values()):
+        return all_in_focus(scene)
+    if not hasattr(scene, "data_vars"):
+        found = f"an array by {', '.join(map(str, scene.dims))}"
+        raise DataError("scene", found, "radiance and depth, or a light field")
+    dataset: xr.Dataset = scene
+    return dataset
+
+
+def _read(source: str | Path) -> xr.Dataset:
+    """A scene with depth, or the maps of the views of a light field, from files or rendered."""
+    path = Path(source)
+    if not path.exists():
+        name, _, number = str(source).partition(":")
+        if number and is_rendered(name):
+            return all_in_focus(source)
+        return rendered_scene(str(source)) if is_rendered(str(source)) else _with_confidence(path)
+    if path.is_dir() and not is_zarr(path):
+        return all_in_focus(path) if scene_parts(path) is None and open_views(path) else _with_confidence(path)
+    with open_contents(path) as contents:
+        maps, views = {"disparity", "all_in_focus"} <= set(contents.arrays), find_light_field(contents)
+    if views is None:
+        return _with_confidence(path)
+    return read_dataset(path) if maps else all_in_focus(path)
 
 
 def _with_confidence(path: Path) -> xr.Dataset:

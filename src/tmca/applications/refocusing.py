@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 
 from tmca.applications.base import application_of
 from tmca.data import describe, load_light_field
+from tmca.data.in_memory import SceneWarning
 from tmca.data.light_fields import VIEW_DIMS, find_light_field, load_views, open_light_field, read_light_field
 from tmca.decoders import Estimate
 from tmca.decoders.view_maps import view_maps
@@ -27,6 +29,8 @@ else:
     LightField = Any
 
 UNIT = "px per view step"
+_FAR = 4
+"""The part of a picture, 1/4, by which views of a scene move at most."""
 _VIEWS, _SIDE = 5, 160
 """Views, and pixels along the shorter side, that a range of disparities is read from."""
 
@@ -47,6 +51,9 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
         DataError: no light field, or a file that cannot be read.
         SettingError: a disparity that is not finite.
 
+    Warns:
+        SceneWarning: a disparity that moves views by more than a quarter of the picture: nothing is sharp there.
+
     >>> import numpy as np, tmca
     >>> tmca.refocus(np.ones((3, 3, 8, 8)), [0.0, 0.5]).dims
     ('disparity', 'y', 'x')
@@ -57,6 +64,7 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
     steps: list[Any] = [disparity] if np.ndim(disparity) == 0 else list(disparity)  # type: ignore[arg-type]
     if not steps or not all(isinstance(step, int | float | np.number) and np.isfinite(step) for step in steps):
         raise SettingError("disparity", repr(disparity), f"numbers in {UNIT}, such as -1,0,1")
+    _warn_of_far(views, steps)
     dims = [str(dim) for dim in views.dims if dim not in VIEW_DIMS[:2]]
     coords = {name: views.coords[name] for name in dims if name in views.coords}
     about = {"long_name": "photograph refocused from the views", "units": "1"}
@@ -67,6 +75,18 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
     where = xr.DataArray(np.asarray(steps, np.float64), dims="disparity", attrs=focus)
     stack: xr.DataArray = xr.concat(made, "disparity").assign_coords(disparity=where).rename("refocused")
     return stack
+
+
+def _warn_of_far(views: xr.DataArray, steps: list[Any]) -> None:
+    """Warn of disparities that no scene has."""
+    furthest = max((views.sizes["view_v"] - 1) / 2, (views.sizes["view_u"] - 1) / 2)
+    side = min(views.sizes["y"], views.sizes["x"])
+    far = [step for step in steps if abs(step) * furthest > side / _FAR]
+    if far:
+        moved = f"{abs(far[0]) * furthest:g} of {side} pixels"
+        hint = "nothing is sharp there; tmca inspect says which there are"
+        text = f"disparity {far[0]:g}: outer views move by {moved}, {hint}"
+        warn(text, SceneWarning, 3)
 
 
 def all_in_focus(light_field: LightField, **reading: Any) -> xr.Dataset:
@@ -121,7 +141,11 @@ def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
         return load_light_field(source, colour=True, **reading)
     about = describe(source, **{name: reading[name] for name in ("pattern", "lens") if name in reading})
     if about["kind"] != "light field":
-        raise DataError(source, f"a {about['kind']}", "a light field, or an estimate of one", "tmca inspect says more")
+        taken = "snapshot" in about.get("variables", ())
+        found, remedy = f"a {about['kind']}", "tmca inspect says more"
+        if taken:
+            found, remedy = "a snapshot", f"run tmca reconstruct {source} first"
+        raise DataError(source, found, "a light field, or an estimate of one", remedy)
     facts = about["light_field"]
     most = min(facts["views"])
     square = facts["views"][0] == facts["views"][1] and most % 2

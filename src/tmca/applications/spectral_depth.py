@@ -21,8 +21,9 @@ from tmca.cameras.sensor_tiles import check_holds
 from tmca.data import read_dataset
 from tmca.data.depth_maps import UNKNOWN_KINDS, unknown_kinds
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.fitting import FITTED, fit_depth_scene, middle_of
+from tmca.data.fitting import FITTED, METRES, fit_depth_scene, middle_of
 from tmca.data.in_memory import as_depth_scene, as_tensors
+from tmca.data.point_cloud import FOCAL, FOCAL_OF
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError
 from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
@@ -118,10 +119,13 @@ class SpectralDepthApplication(Application):
 
     def fitted(self, scene: xr.Dataset, camera: Any, where: str) -> xr.Dataset:
         """See ``Application``; depth that reaches beyond the camera's range is mapped onto it, evenly in inverse depth,
-        unless the scene says that it was mapped or placed already, or read to stay as it is (``fitted=False``)."""
+        unless the scene says that it was mapped or placed, or to stay as it is (``fitted=False``, `in_metres`)."""
         planes, how = camera.planes, noted_reading(getattr(scene, "attrs", {}))
         mapped = how.get("placed") is None and how.get("fitted", True)
         return fit_depth_scene(scene, camera.wavelengths, camera.size, planes.near, planes.far, where, mapped=mapped)
+
+    def in_metres(self, scene: xr.Dataset) -> xr.Dataset:
+        return scene.assign_attrs({METRES: 1})
 
     def tensors(self, scene: xr.Dataset) -> tuple[Tensor, ...]:
         return as_tensors(scene[["radiance", "depth"]])
@@ -137,7 +141,9 @@ class SpectralDepthApplication(Application):
         check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
         check_holds(camera.size, camera.bench.window)
         check_mask(camera.point_spread)
-        return {**unknown, **{name: scene.attrs[name] for name in (READING, *FITTED) if name in scene.attrs}}
+        of_scene = {FOCAL_OF: "scene"} if FOCAL in scene.attrs else {}
+        names = (READING, METRES, FOCAL, *FITTED)
+        return {**unknown, **of_scene, **{name: scene.attrs[name] for name in names if name in scene.attrs}}
 
     def truth(
         self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
@@ -145,6 +151,7 @@ class SpectralDepthApplication(Application):
         """See ``Application``; depth is mapped as it was for the snapshot."""
         how = noted_reading(notes)
         compare_source(how.pop("source", source), source)
+        how |= {"fitted": False} if METRES in notes else {}
         return self.read(source, **reading_range(camera), size=camera.size, **{**how, **reading})  # type: ignore[return-value]
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:

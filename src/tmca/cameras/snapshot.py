@@ -129,6 +129,14 @@ class Snapshot(Summary, Generic[Kind]):
         notes = {str(name): value for name, value in dataset.attrs.items() if name not in of_camera}
         return Snapshot(values, camera, _read_notes(notes, str(path)))
 
+    @property
+    def averaged(self) -> str:
+        """What `image` is the mean of, for its title; nothing of one channel."""
+        if len(self.values) == 3 and "colour" in self.camera.snapshot_axes(self.values):
+            return ", mean of red, green and blue"
+        channels = self.camera.snapshot_shape[0] // self.camera.buckets
+        return f", mean of {channels} channels" if channels > 1 else ""
+
     def image(self) -> np.ndarray:
         """(H, W') mean of its colours or channels; of several buckets (R, H, W')."""
         buckets = self.values.unflatten(1, (self.camera.buckets, -1)).mean((0, 2)).numpy(force=True)
@@ -138,7 +146,7 @@ class Snapshot(Summary, Generic[Kind]):
         """The snapshot as a picture."""
         from tmca.plots.codes import snapshot_figure
 
-        title = f"{self.camera.kind}, K = {self.camera.slots}"
+        title = f"{self.camera.kind}, K = {self.camera.slots}{self.averaged}"
         return snapshot_figure(self.image(), self.camera.full_scale, self.camera.channel, title)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray[Any, Any]:

@@ -6,16 +6,24 @@ import json as jsons
 from dataclasses import asdict
 from typing import Any
 
+from tmca.errors import check_choice
 
-def table(plugins: bool = True) -> list[dict[str, Any]]:
+
+def table(plugins: bool = True, camera: str | None = None) -> list[dict[str, Any]]:
     """A row for every decoder: name, label, cameras, prior, uncertainty, settings; those of this package alone, and its
-    cameras, without ``plugins``."""
+    cameras, without ``plugins``; those of one kind of ``camera``.
+
+    Raises:
+        SettingError: no such camera.
+    """
     from tmca.cameras import CAMERAS, load_cameras
     from tmca.decoders import decoders, settings_of
     from tmca.decoders.registry import decodes
 
     if plugins:
         load_cameras()
+    if camera is not None:
+        check_choice("camera", camera, CAMERAS)
     known = decoders()
     cameras = {
         name: {*cls.cameras, *(kind for kind in CAMERAS if plugins and decodes(cls, kind))}
@@ -28,13 +36,13 @@ def table(plugins: bool = True) -> list[dict[str, Any]]:
             "settings": [asdict(one) for one in settings_of(cls)],
         }
         for name, cls in sorted(known.items())
-        if plugins or cls.__module__.startswith("tmca.")
+        if (plugins or cls.__module__.startswith("tmca.")) and camera in (None, *cameras[name])
     ]  # fmt: skip
 
 
-def markdown(plugins: bool = True) -> str:
+def markdown(plugins: bool = True, camera: str | None = None) -> str:
     """The table as a page: every decoder, then what its settings mean."""
-    rows = table(plugins)
+    rows = table(plugins, camera)
     lines = ["| decoder | as tables show it | cameras | prior | uncertainty | settings |", "|---|---|---|---|---|---|"]
     for row in rows:
         names = ", ".join(f"`{setting['name']}`" for setting in row["settings"])
@@ -47,12 +55,16 @@ def markdown(plugins: bool = True) -> str:
     return "\n".join(lines) + "\n"
 
 
-def decoders(*, json: bool = False) -> None:
+def decoders(camera: str | None = None, /, *, json: bool = False) -> None:
     """List every decoder: its name, the cameras it decodes, the prior it needs, and its settings.
 
     `tmca reconstruct`, `compare` and `sweep` take these names; settings go to `reconstruct --set NAME=VALUE`.
 
     Args:
+        camera: of which decoders are listed: spectral, light-field or spectral-depth; all without it.
         json: print the table as JSON.
     """
-    print(jsons.dumps(table(), indent=1, default=str) if json else markdown(), end="\n" if json else "")
+    print(
+        jsons.dumps(table(camera=camera), indent=1, default=str) if json else markdown(camera=camera),
+        end="\n" if json else "",
+    )

@@ -180,7 +180,6 @@ class _Job:
 
     def run(self, target: Path) -> _Done:
         """Decode, measure, write."""
-        from tmca.applications import evaluate
         from tmca.applications.imaging import metric_notes
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
@@ -194,7 +193,7 @@ class _Job:
         with progress_bar(f"{self.decoder}: {self.file.name}") as progress:
             how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
             estimate = decode(self.taken, self.decoder, **how, **self.settings)
-        metrics = {} if scene is None else evaluate(estimate, scene)
+        metrics = {} if scene is None else _metrics(estimate, scene)
         if scene is None:
             warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
         estimate.notes |= metric_notes(metrics)
@@ -218,6 +217,14 @@ class _Job:
         scene = application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
         compare_scene(taken.notes, truth)
         return scene
+
+
+def _metrics(estimate: Any, scene: Any) -> dict[str, float]:
+    """Of the scene, and of the geometry that it shows."""
+    from tmca.applications.imaging import evaluation_of
+
+    one = evaluation_of(estimate, scene)
+    return one.metrics | one.application.geometry(one.estimate, one.truth)
 
 
 def _run_all(jobs: Sequence[_Job], asked: _Asked) -> None:

@@ -66,6 +66,9 @@ def _named(folder: Path, place: Path) -> Iterator[None]:
         raise OutputError(place / where.relative_to(folder), error.found, error.expected, error.remedy) from error
 
 
+_OVERWRITE = "--overwrite (in Python overwrite=True)"
+
+
 def check_target(path: str | Path, overwrite: bool = False) -> None:
     """Say before long work that its output could not be written.
 
@@ -76,7 +79,7 @@ def check_target(path: str | Path, overwrite: bool = False) -> None:
     if not path.parent.is_dir():
         raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
     if path.exists() and not overwrite:
-        raise OutputError(path, "an existing output", "a new name", "choose another, or pass --overwrite")
+        raise OutputError(path, "an existing output", "a new name", f"choose another, or pass {_OVERWRITE}")
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tmca.arguments import Float, Floats, Int, IntPair, checked
 from tmca.data.cubes import locate_cube, read
-from tmca.data.fitting import at_bands, fitted_depth, middle_of
+from tmca.data.fitting import METRES, at_bands, fitted_depth, middle_of
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered, rendered_scene
@@ -93,6 +93,7 @@ def load_spectral_depth(
         scene["depth"], about = fitted_depth(scene["depth"], near, far)  # type: ignore[arg-type]
         scene.attrs.update(about)
     scene = scene if size is None else middle_of(scene, size, source)
+    scene = scene if fitted else scene.assign_attrs({METRES: 1})
     return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
 
 

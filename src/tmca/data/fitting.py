@@ -23,6 +23,8 @@ _OTHER_RANGE = "ask for a range inside the cube's (--range FIRST:LAST)"
 Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
+METRES = "metric_depth"
+"""Attribute of a scene, and of what is made of it, whose depth stays in metres."""
 
 
 def fit_cube(scene: xr.DataArray, wavelengths: Sequence[float], size: Size, where: str = "scene") -> xr.DataArray:
@@ -61,18 +63,24 @@ def fit_depth_scene(
     """A scene of ``radiance`` and ``depth`` at these bands, the middle (H, W) of it.
 
     Depth that reaches beyond ``near`` to ``far``, metres, is mapped onto it, evenly in inverse depth, unless attributes
-    of the scene say that it was mapped already, or it is not to be ``mapped``.
+    of the scene say that it was mapped already or keeps its metres, or it is not to be ``mapped``.
 
     Raises:
         DataError: no such scene, a smaller one, or one with other bands.
+
+    Warns:
+        SceneWarning: which depths were mapped.
     """
     scene = as_depth_scene(scene, where)
     cube, attrs = at_bands(scene["radiance"], wavelengths), dict(scene.attrs)
     fitted = scene.drop_dims("wavelength").assign(radiance=cube).assign_attrs(attrs)
     metres = scene["depth"].values[np.isfinite(scene["depth"].values)]
-    if mapped and FITTED[0] not in attrs and metres.size and (metres.min() < near or metres.max() > far):
+    mapped = mapped and not {FITTED[0], METRES} & set(attrs)
+    if mapped and metres.size and (metres.min() < near or metres.max() > far):
         fitted["depth"], mapping = fitted_depth(scene["depth"], near, far)
         fitted.attrs.update(mapping)
+        onto = f"{near:g} to {far:g} m (tmca.simulate(…, metric_depth=True) keeps metres)"
+        warn(f"{where}: depths of {metres.min():.3g} to {metres.max():.3g} m mapped onto {onto}", SceneWarning, 5)
     return middle_of(fitted, size, where)
 
 

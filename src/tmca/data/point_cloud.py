@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,17 @@ from tmca.errors import OutputError, check_range, check_shape
 
 FOCAL = "focal_px"
 """Attribute: distance from the pinhole to the sensor, in pixels of the scene."""
+
+FOCAL_OF = "focal_of"
+"""Attribute: whose that is, of the "bench" or the "scene"."""
+_IN_PIXELS = (FOCAL, "offset_px")
+_NUMBERS = (int, float, np.number)
+
+
+def scaled_lengths(attrs: Mapping[str, Any], by: int | None) -> dict[str, Any]:
+    """Attributes of a scene of which ``by`` pixels per axis became one: lengths in pixels are shorter."""
+    lengths = {name: attrs[name] / by for name in _IN_PIXELS if by and isinstance(attrs.get(name), _NUMBERS)}
+    return {**attrs, **lengths}
 
 
 def points_of(

@@ -20,6 +20,7 @@ from tmca.data.formats.rgbd_files import RgbdFiles, Stereo, find_rgbd
 from tmca.data.formats.views import open_views
 from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.pixels import area_average, decoded, nearest, wrong_size
+from tmca.data.point_cloud import scaled_lengths
 from tmca.errors import DataError
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
         A dataset of float32 variables ``rgb`` ``(colour, y, x)``, linear relative irradiance in [0, 1]: the stored
         values through the sRGB curve (IEC 61966-2-1); and ``depth`` ``(y, x)``, metres, NaN where unknown, with the
         counts of `tmca.data.read_depth_map`. Attributes: ``name``, ``source``, ``format``, ``encoding``,
-        ``depth_from``; ``focal_px`` (at the stored size), ``baseline_m`` and ``offset_px`` as far as they are known;
-        and ``metric``: False where depth is right only up to an affine map of inverse depth, since the files leave out
+        ``depth_from``; ``focal_px``, ``baseline_m`` and ``offset_px`` as known, in pixels of the result; and
+        ``metric``: False where depth is right only up to an affine map of inverse depth, since the files leave out
         its offset or all calibration.
 
     Raises:
@@ -65,7 +66,8 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
     if scale is not None:
         size = values.shape[0] // scale, values.shape[1] // scale
         linear, values = area_average(linear, size).clip(0, 1), nearest(values, size)
-    about = {"name": loaded.about["name"], "source": str(path), **loaded.about, "encoding": "linear, decoded from sRGB"}
+    told = scaled_lengths(loaded.about, scale)
+    about = {"name": told["name"], "source": str(path), **told, "encoding": "linear, decoded from sRGB"}
     units = {**IRRADIANCE, "long_name": f"linear sRGB, {QUANTITY}"}
     rgb = xr.DataArray(np.ascontiguousarray(linear), dims=("colour", "y", "x"), attrs=units)
     variables = {"rgb": rgb, "depth": label_depth(values, path)}

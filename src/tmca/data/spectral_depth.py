@@ -16,6 +16,7 @@ from tmca.data.fitting import centre_window, check_depth_range
 from tmca.data.formats import envi
 from tmca.data.formats.opening import is_zarr, open_contents
 from tmca.data.pixels import area_average, nearest, wrong_size
+from tmca.data.point_cloud import scaled_lengths
 from tmca.data.rendering.photographs import WHITE, staged_depth
 from tmca.data.rendering.pictures import COARSE, Materials, generator, regions_of, smooth_field, spectral_from_rgb
 from tmca.data.rgbd import read_rgbd, refuse_rgbd
@@ -168,7 +169,7 @@ def reduced_scene(scene: xr.Dataset, by: int | None, where: str | Path) -> xr.Da
     cube = window["radiance"].drop_vars(UNKNOWN, errors="ignore").isel(y=slice(size[0]), x=slice(size[1]))
     kinds = nearest(unknown_kinds(window["depth"]), size)
     depth = labelled_kinds(nearest(window["depth"].values, size), kinds, where)
-    return label_spectral_depth(cube.copy(data=small), depth, scene.attrs)
+    return label_spectral_depth(cube.copy(data=small), depth, scaled_lengths(scene.attrs, by))
 
 
 def _made_up(path: Path, wavelengths: Sequence[float] | None, reduce: int | None, **settings: Any) -> xr.Dataset:

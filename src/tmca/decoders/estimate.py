@@ -71,7 +71,7 @@ class Estimate(Summary):
         if self.deviation is not None:
             parts["deviation"] = self._label(self.deviation, "predicted standard deviation")
         if self.depth is not None:
-            attrs |= {PLANES: json.dumps(asdict(self.camera.planes)), **focal_length(self.camera)}
+            attrs = {**focal_length(self.camera), **attrs, PLANES: json.dumps(asdict(self.camera.planes))}
         sure = "probability of the plane of the depth and its two neighbours"
         maps_of = (("depth", self.depth, "m", f"depth {by}"), ("confidence", self.confidence, "1", sure))
         for name, plane, unit, meaning in maps_of:
@@ -98,9 +98,12 @@ class Estimate(Summary):
         return labelled
 
     @cached_property
-    def maps(self) -> dict[str, xr.DataArray]:
-        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`."""
-        return view_maps(self.to_xarray())
+    def maps(self) -> xr.Dataset:
+        """``disparity``, ``confidence`` and ``all_in_focus`` of a light field's views, see `tmca.metrics.Geometry`;
+        none of other scenes."""
+        import xarray as xr
+
+        return xr.Dataset(view_maps(self.to_xarray()))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write `to_xarray` and, of a light field, its `maps` as NetCDF, whole or not at all.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data import ESTIMATED
-from tmca.data.point_cloud import FOCAL
+from tmca.data.point_cloud import FOCAL, FOCAL_OF
 from tmca.metrics.refocusing import has_parallax, view_geometry
 
 if TYPE_CHECKING:
@@ -20,11 +20,11 @@ _MAPS = {
 }
 
 
-def focal_length(camera: Any) -> dict[str, float]:
-    """Attribute of an estimate with depth: distance from the aperture to the sensor in pixels, where it is known."""
+def focal_length(camera: Any) -> dict[str, Any]:
+    """Attributes of an estimate with depth: distance from the aperture to the sensor in pixels, where it is known."""
     bench = getattr(camera, "bench", None)
     distance, pitch = getattr(bench, "distance", 0.0), getattr(bench, "pitch", 0.0)
-    return {FOCAL: distance / pitch} if distance > 0 and pitch > 0 else {}
+    return {FOCAL: distance / pitch, FOCAL_OF: "bench"} if distance > 0 and pitch > 0 else {}
 
 
 def view_maps(stored: xr.Dataset) -> dict[str, xr.DataArray]:

@@ -17,7 +17,9 @@ from tmca.viewer.cubes import ONE, said
 from tmca.viewer.items import Axis, Item, Layer, in_memory
 
 _USUAL = 2.0
-"""Px per view step over which a light field is refocused at least."""
+"""Px per view step over which a light field without a disparity is refocused."""
+_STEP = 0.5
+"""Px per view step, of which the ends of the disparities are multiples."""
 
 
 def light_field_item(contents: Contents, stored: Stored, title: str, **about: Any) -> Item:
@@ -35,8 +37,7 @@ def light_field_item(contents: Contents, stored: Stored, title: str, **about: An
     axis = Axis.counted("view", len(places), names, first=0)
     views = Layer("values", "views", (height, width), axis, _Views(stored, columns).read, colours="picture")
     layers = [views, *_disparity(contents, (height, width))]
-    known = layers[1].shown_span() if len(layers) > 1 else (-_USUAL, _USUAL)
-    reach = min(-_USUAL, float(np.floor(known[0]))), max(_USUAL, float(np.ceil(known[1])))
+    reach = _reach(layers[1]) if len(layers) > 1 else (-_USUAL, _USUAL)
     facts = {
         "views": f"{rows} × {columns} of {height} × {width} pixels",
         "colours": "red, green, blue" if has_colour(stored) else "grey",
@@ -45,6 +46,13 @@ def light_field_item(contents: Contents, stored: Stored, title: str, **about: An
     }
     view = {"grid": [rows, columns], "places": places, "reach": reach}
     return Item("light field", title, tuple(layers), {**facts, **said(contents.attrs)}, view=view, **about)
+
+
+def _reach(disparity: Layer) -> tuple[float, float]:
+    """The disparities over which a light field is refocused: those of its map."""
+    low, high = (float(end) / _STEP for end in disparity.shown_span())
+    first = _STEP * float(np.floor(low))
+    return first, max(first + _STEP, _STEP * float(np.ceil(high)))
 
 
 class _Views:
@@ -82,7 +90,7 @@ def _origin(contents: Contents) -> str:
 
 
 def _disparity(contents: Contents, size: tuple[int, int]) -> list[Layer]:
-    """The disparity map of a folder or file, where it has one that fits."""
+    """The disparity map of a folder or file, where it has one that fits, and its confidence."""
     values: NDArray[np.float32] | None = None
     if "disparity" in contents.arrays and contents.arrays["disparity"].shape == size:
         values = contents.arrays["disparity"].whole().astype(np.float32)
@@ -94,4 +102,9 @@ def _disparity(contents: Contents, size: tuple[int, int]) -> list[Layer]:
     if values is None or values.shape != size:
         return []
     read = in_memory(values[None])
-    return [Layer("disparity", "disparity", size, ONE, read, "px per view step", "depth")]
+    layers = [Layer("disparity", "disparity", size, ONE, read, "px per view step", "depth")]
+    sure = contents.arrays.get("confidence")
+    if sure is not None and sure.shape == size and sure.numeric:
+        confidence = in_memory(sure.whole().astype(np.float32)[None])
+        layers.append(Layer("confidence", "confidence", size, ONE, confidence, span=(0.0, 1.0)))
+    return layers

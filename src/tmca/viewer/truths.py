@@ -25,12 +25,18 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
         DataError, ShapeError, SettingError: see `tmca.evaluate`.
     """
     evaluation = evaluation_of(estimate, truth)
+    opened = open_items(estimate, stack)
     merit = {
         name.replace("_", " ").upper(): f"{with_unit(name, value)}{_direction(name)}"
         for name, value in evaluation.metrics.items()
     }
-    items = [replace(item, facts={**merit, **item.facts}) for item in open_items(estimate, stack)]
+    items = [replace(item, facts={**merit, **_others(item.facts, evaluation.metrics)}) for item in opened]
     return items + (in_memory_items(evaluation.truth, "truth", "truth") if with_truth else [])
+
+
+def _others(facts: dict[str, Any], metrics: dict[str, float]) -> dict[str, Any]:
+    """Facts of a file without the metrics that are measured anew."""
+    return {name: value for name, value in facts.items() if name not in metrics}
 
 
 def _direction(metric: str) -> str:

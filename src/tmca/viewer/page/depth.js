@@ -101,7 +101,7 @@ export class Depth extends Stack {
         lines.push(`${place.map((part) => part.toPrecision(6)).join(" ")} ${colour.join(" ")}`);
       }
     }
-    const head = ["ply", "format ascii 1.0", `comment points in metres before a pinhole camera, focal length ${along.toPrecision(6)} pixels`, `element vertex ${lines.length}`, ...["x", "y", "z"].map((name) => `property float ${name}`), ...["red", "green", "blue"].map((name) => `property uchar ${name}`), "end_header"];
+    const head = ["ply", "format ascii 1.0", `comment points in metres, camera at the origin, x to the right, y up, the scene at negative z; pinhole camera, focal length ${along.toPrecision(6)} pixels`, `element vertex ${lines.length}`, ...["x", "y", "z"].map((name) => `property float ${name}`), ...["red", "green", "blue"].map((name) => `property uchar ${name}`), "end_header"];
     save(`${item.title}.ply`, new Blob([[...head, ...lines].join("\n"), "\n"], { type: "application/octet-stream" }));
   }
 

@@ -53,6 +53,7 @@ export class LightField extends Desk {
 
   grid(specs) {
     if (this.items.length > 1) return super.grid(specs);
+    if (specs.length > 4) return { columns: "repeat(3, minmax(0, 1fr))", rows: "minmax(0, 1.5fr) minmax(0, 1fr)" };
     return { columns: "minmax(0, 1fr) minmax(0, 1fr)", rows: specs.length > 3 ? "minmax(0, 1.5fr) minmax(0, 1fr)" : "minmax(0, 2.2fr) minmax(0, 1fr)" };
   }
 
@@ -62,15 +63,17 @@ export class LightField extends Desk {
 
   specs() {
     return this.items.flatMap((item) => {
-      const found = [this.picture(item)], map = item.layers[1];
-      if (map) {
-        const plane = this.plane(`${item.number}/disparity`, item, map, 0);
-        const look = this.looks.of("disparity", map.label, USUAL.depth, map.span, map.unit);
-        const spec = { key: `${item.number}/disparity`, title: "disparity", size: map.size, item, layer: map, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: "disparity", bar: { map: look.map, span: look.span, label: `${map.label} (${map.unit})` } };
-        found.push({ ...spec, note: this.valueAt(plane, spec) });
-      }
-      return this.items.length > 1 ? found : [...found, this.lines(item, true), this.lines(item, false)];
+      const found = [this.picture(item), ...item.layers.slice(1).map((map) => this.map(item, map))];
+      return this.items.length > 1 ? [...found, this.lines(item, true)] : [...found, this.lines(item, true), this.lines(item, false)];
     });
+  }
+
+  // The disparity, or its confidence.
+  map(item, layer) {
+    const { name, label, unit, size } = layer, key = `${item.number}/${name}`, plane = this.plane(key, item, layer, 0);
+    const look = this.looks.of(name, label, name === "disparity" ? USUAL.depth : USUAL.deviation, layer.span, unit);
+    const spec = { key, title: name, size, item, layer, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: name, bar: { map: look.map, span: look.span, label: unit ? `${label} (${unit})` : label } };
+    return { ...spec, note: this.valueAt(plane, spec) };
   }
 
   picture(item) {
@@ -150,8 +153,8 @@ export class LightField extends Desk {
 
   drawSide() {
     this.slider.drawScale();
-    const map = [...this.panels.values()].map((panel) => panel.spec).find((spec) => spec.look);
-    this.looks.draw(map ? ["disparity"] : [], () => map.paint.plane?.data);
+    const maps = [...this.panels.values()].map((panel) => panel.spec).filter((spec) => spec.look);
+    this.looks.draw([...new Set(maps.map((spec) => spec.look))], (name) => maps.find((spec) => spec.look === name).paint.plane?.data);
   }
 
   key(event) {
