@@ -178,7 +178,7 @@ def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
         return camera.sensor
     level = white_level(calibration)
     read = dark.noise * camera.full_scale / level
-    if linearity is None:
+    if linearity is None or not linearity.gain_is_known:
         return Sensor(**{**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0})
     # electrons of a white scene: there the sensor counts its full well
     return Sensor(read_noise=read, full_well=linearity.gain * level / camera.exposures, saturates=False)
@@ -201,7 +201,7 @@ def captured_sensor(camera: Camera, calibration: Calibration, gain: float, white
         "read_noise": camera.sensor.read_noise * scaled,
         "saturates": False,
     }
-    if linearity is not None:
+    if linearity is not None and linearity.gain_is_known:
         settings["full_well"] = linearity.gain * level * frames * camera.white / white
     return Sensor(**settings)
 

@@ -200,6 +200,11 @@ class Linearity:
         return float(np.nanmax(np.abs(self.deviations)))
 
     @property
+    def gain_is_known(self) -> bool:
+        """Whether the gain is larger than its standard deviation."""
+        return self.gain_std < self.gain
+
+    @property
     def full_well(self) -> float:
         """Electrons at saturation; NaN where it was not reached."""
         return self.gain * self.saturation
