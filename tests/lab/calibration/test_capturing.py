@@ -16,8 +16,9 @@ from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.bench import Bench, sets_light, usual_frames
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.capturing import capture_step, shots_of
+from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import steps_of
+from tmca.lab.calibration.steps import not_measured, steps_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import read_manifest
@@ -214,10 +215,24 @@ def test_what_a_bench_lacks_is_said_before_its_first_frame(tmp_path):
     Snapshot(torch.zeros(1, *camera.snapshot_shape), camera).save(tmp_path / "drawn.nc")
     bench = Bench(export, snapshot=Snapshot.load(tmp_path / "drawn.nc"))
     bench.driver, bench.simulated = driver, False
-    with pytest.raises(SettingError, match="10 lights.*illuminate"):
+    with pytest.raises(SettingError, match=r"10 lights.*illuminate"):
         bench.calibrate(tmp_path / "b", wavelengths=[450e-9])
     assert driver.shown == []
     assert not (tmp_path / "b").exists()
+
+
+def test_steps_that_a_calibration_lacks_are_named_by_the_cameras_that_it_may_be_of():
+    flat = Calibration({"dark": None, "flat": None}, {"camera": {}, "steps": {}})
+    rest = "linearity, registration, timing, dispersion"
+    assert not_measured(flat) == f"{rest} (spectral), shear (light-field)"
+    assert not_measured(flat, spectral()) == rest
+    assert (
+        not_measured(flat, spectral(), whole=False)
+        == not_measured(flat, spectral(slots=1))
+        == rest.replace("timing, ", "")
+    )
+    whole = Calibration({**flat.parts, **dict.fromkeys(rest.split(", "))}, flat.about)
+    assert not_measured(whole) == not_measured(whole, spectral()) == ""
 
 
 def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):

@@ -36,10 +36,10 @@ def capture(
         step: dark, flat, white, linearity, registration, buckets, timing, dispersion, shear, psf0 …, or all.
         export: folder of `tmca export`.
         out: folder of all steps; one folder each, and the patterns that were shown.
-        wavelength: NM or NM,NM,… of the light, the first that of registration; without, where the bench sets its light, the
-            camera's bands, the middle one first.
-        depth: METRES,METRES,… of the point of psf; without, where the bench sets its light, three of the camera's
-            planes.
+        wavelength: NM or NM,NM,… of the light, the first that of registration; the camera's bands without, the middle one
+            first, where the bench sets its light.
+        depth: METRES,METRES,… of the point of psf; three of the camera's planes without, where the bench sets its
+            light.
         frames: of dark, flat and white.
         pattern: that dispersion and shear show, counted from 0.
         count: of coded patterns.

@@ -43,8 +43,8 @@ def check_lights(
     """Frames of steps, before the first of them is taken; a device of None sets its light.
 
     Raises:
-        SettingError: a step that this camera does not have, a light that is not said, several lights before a bench that
-            sets none, or frames that were taken before in the place of a bench.
+        SettingError: a step that this camera does not have, a light that is not said, several lights before a bench
+            that sets none, or frames that were taken before in the place of a bench.
     """
     if isinstance(device, Recorded):
         found = f"{type(device).__name__}, frames that were taken before"

@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from warnings import warn
 
 import numpy as np
 
@@ -18,20 +17,11 @@ from tmca.lab.calibration.buckets import measure_buckets
 from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
 from tmca.lab.calibration.displacement import REGISTERED_AT, Curve, measure_dispersion, measure_shear
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.pattern_image import mapped
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
-from tmca.lab.calibration.registration import Registration, register
-from tmca.lab.calibration.sensor import (
-    DarkField,
-    Linearity,
-    measure_dark,
-    measure_flat,
-    measure_flats,
-    measure_linearity,
-)
+from tmca.lab.calibration.registration import register
+from tmca.lab.calibration.sensor import DarkField, measure_dark, measure_flat, measure_flats, measure_linearity
 from tmca.lab.calibration.timing import measure_timing
 from tmca.lab.frames import Array, Frames, named
-from tmca.lab.quality import Doubtful
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
@@ -205,27 +195,9 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
     residuals = {
         "largest_deviation": measured.largest_deviation,
         "saturation_dn": measured.saturation,
-        **_electrons(measured, seen.path),
+        **measured.electrons(seen.path),
     }
     return {"linearity": Fitted(measured, residuals)}
-
-
-def _electrons(measured: Linearity, path: Path) -> dict[str, float]:
-    """What the photon transfer says; NaN, with a warning, of a gain that is less than its standard deviation."""
-    said = {
-        "electrons_per_dn": measured.gain,
-        "electrons_per_dn_std": measured.gain_std,
-        "read_noise_electrons": measured.read_noise,
-        "full_well_electrons": measured.full_well,
-    }
-    if measured.gain_is_known:
-        return said
-    uncertain = f"{measured.gain:.3g} ± {measured.gain_std:.3g}"
-    text = (
-        f"{path}: electrons per digital number {uncertain} are not known, and not used; take more frames in more light"
-    )
-    warn(text, Doubtful, stacklevel=2)
-    return dict.fromkeys(said, float("nan"))
 
 
 def registration(seen: Captured) -> dict[str, Fitted]:
@@ -244,7 +216,7 @@ def registration(seen: Captured) -> dict[str, Fitted]:
         "mirrored": float(np.linalg.det(registered.matrix[:, :2]) < 0),
         "scale": registered.scale,
         "turn_degrees": float(np.rad2deg(np.arctan2(registered.matrix[1, 0], registered.matrix[0, 0]))),
-        **_displaced(registered, taken_with(seen.path).get(DRAWN)),
+        **registered.beside(taken_with(seen.path).get(DRAWN)),
     }
     if wave is not None:
         residuals["wavelength_nm"] = float(metres_to_nm(wave))
@@ -252,17 +224,6 @@ def registration(seen: Captured) -> dict[str, Fitted]:
         residuals |= {name: getattr(registered, name) for name in ("contrast_ratio", "leakage", "leakage_std")}
     settings = {"wavelength_m": wave, "scale": given.scale}
     return {"registration": Fitted(registered, residuals, settings, [given.patterns], registered.codes)}
-
-
-def _displaced(found: Registration, drawn: Any) -> dict[str, float]:
-    """Pixels by which the middle of the mask lies beside where it was drawn, or beside that of the sensor."""
-    middle = [np.array((n - 1) / 2) for n in found.codes]
-    wanted = [(n - 1) / 2 for n in found.sensor] if drawn is None else mapped(np.asarray(drawn, dtype=float), *middle)
-    beside = "from_sensor_middle" if drawn is None else "from_drawn"
-    seen = mapped(found.matrix, *middle)
-    return {
-        f"{axis}_{beside}": float(one - at) for axis, one, at in zip(("rows", "columns"), seen, wanted, strict=True)
-    }
 
 
 def timing(seen: Captured) -> dict[str, Fitted]:
