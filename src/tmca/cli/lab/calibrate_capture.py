@@ -36,8 +36,8 @@ def capture(
         step: dark, flat, white, linearity, registration, buckets, timing, dispersion, shear, psf0 …, or all.
         export: folder of `tmca export`.
         out: folder of all steps; one folder each, and the patterns that were shown.
-        wavelength: NM or NM,NM,… of the light, the first that of registration; the camera's bands without, the middle one
-            first, where the bench sets its light.
+        wavelength: NM or NM,NM,… of the light, the first that of registration; the camera's bands without, the middle
+            one first, where the bench sets its light.
         depth: METRES,METRES,… of the point of psf; three of the camera's planes without, where the bench sets its
             light.
         frames: of dark, flat and white.

@@ -187,9 +187,10 @@ def _command(step: str) -> Callable[..., None]:
 
         start, asked = how.started(), _settings(how, **given)
         if step == "all":
-            for part, start in measure_all(captures, start, asked):
-                how.finished(start, part)
-            for line in missing_lines(not_measured(start)):
+            whole = start
+            for part, whole in measure_all(captures, start, asked):
+                how.finished(whole, part)
+            for line in missing_lines(not_measured(whole)):
                 print(line, file=sys.stderr if how.json else sys.stdout)
         else:
             part = f"wavefront{asked.slot}" if step == "psf" else step
