@@ -42,7 +42,7 @@ def export(
     devices: Sequence[str],
     out: str | Path,
     *,
-    exposure: float = 0.1,
+    exposure: float | None = None,
     macro_pixel: float | None = None,
     mounting_angle: float | None = None,
     overwrite: bool = False,
@@ -53,7 +53,7 @@ def export(
         source: a snapshot file, a file of `tmca design`, a run of `tmca.train` or its weights.
         devices: names of presets or YAML files, one for each plane of the codes that is shown; see docs/devices.md.
         out: folder, written whole or not at all.
-        exposure: of all slots together, seconds.
+        exposure: of all slots together, seconds; that which the codes were designed for without, else 0.1 s.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees.
         overwrite: replace an export.
