@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+from tests.cli.refusals import refused
 from tmca.cli import main
 from tmca.cli.decoders import markdown
+from tmca.cli.new import names_of, rendered
 from tmca.decoders import DECODERS
 
 PAGE = Path(__file__).parents[2] / "docs" / "decoders.md"
@@ -18,6 +20,21 @@ def test_every_decoder_is_listed(capsys):
     assert rows["lmmse"]["uncertainty"] is True
     main(["decoders"])
     assert capsys.readouterr().out == markdown()
+
+
+def test_one_decoder_is_listed_alone_that_of_a_file_too(capsys, tmp_path):
+    main(["decoders", "lmmse"])
+    assert capsys.readouterr().out.count("\n| `") == 1
+    file = tmp_path / "net.py"
+    file.write_text(rendered("decoder", names_of("my-net"))["my_net.py"])
+    try:
+        main(["decoders", f"{file}:MyNet"])
+    finally:
+        DECODERS.pop("my-net", None)
+    said = capsys.readouterr().out
+    assert "| `my-net` |" in said
+    assert "- `gain` (a number, 1.0): factor." in said
+    assert "DECODER: found 'lmse', expected" in refused(capsys, "decoders", "lmse")
 
 
 def test_the_page_is_current():

@@ -32,9 +32,9 @@ def table(plugins: bool = True) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def markdown(plugins: bool = True) -> str:
-    """The table as a page: every decoder, then what its settings mean."""
-    rows = table(plugins)
+def markdown(plugins: bool = True, name: str | None = None) -> str:
+    """The table as a page: every decoder, or the one of a name, then what its settings mean."""
+    rows = [row for row in table(plugins) if name in (None, row["name"])]
     lines = ["| decoder | as tables show it | cameras | prior | uncertainty | settings |", "|---|---|---|---|---|---|"]
     for row in rows:
         names = ", ".join(f"`{setting['name']}`" for setting in row["settings"])
@@ -47,12 +47,24 @@ def markdown(plugins: bool = True) -> str:
     return "\n".join(lines) + "\n"
 
 
-def decoders(*, json: bool = False) -> None:
+def decoders(decoder: str | None = None, /, *, json: bool = False) -> None:
     """List every decoder: its name, the cameras it decodes, the prior it needs, and its settings.
 
     `tmca reconstruct`, `compare` and `sweep` take these names; settings go to `reconstruct --set NAME=VALUE`.
 
     Args:
+        decoder: one alone: its name, its FILE.py:Class, which runs the file, or its FILE.pt2.
         json: print the table as JSON.
     """
-    print(jsons.dumps(table(), indent=1, default=str) if json else markdown(), end="\n" if json else "")
+    name = None
+    if decoder is not None:
+        from tmca.decoders import decoders as known
+        from tmca.errors import check_choice
+        from tmca.lab.decoder_files import decoder_named
+
+        name = decoder_named(decoder, "DECODER")
+        check_choice("DECODER", name, known())
+    if json:
+        print(jsons.dumps([row for row in table() if name in (None, row["name"])], indent=1, default=str))
+    else:
+        print(markdown(name=name), end="")

@@ -32,6 +32,13 @@ def view(
         browser: open the page in the browser.
         static: write the page to this file (HTML, 10 MB at most) instead; it needs neither Python nor a network.
     """
+    names = files if truth is None else (*files, truth)
+    if names:
+        print(
+            f"reading {', '.join(names)} …" if len(names) < 4 else f"reading {len(names)} files …",
+            file=sys.stderr,
+            flush=True,
+        )
     import tmca
 
     if static is not None:
