@@ -33,7 +33,7 @@ def test_one_decoder_is_listed_alone_that_of_a_file_too(capsys, tmp_path):
         DECODERS.pop("my-net", None)
     said = capsys.readouterr().out
     assert "| `my-net` |" in said
-    assert "- `gain` (a number, 1.0): factor." in said
+    assert "- `gain` (float, 1.0): factor." in said
     assert "DECODER: found 'lmse', expected" in refused(capsys, "decoders", "lmse")
 
 

@@ -33,12 +33,8 @@ def view(
         static: write the page to this file (HTML, 10 MB at most) instead; it needs neither Python nor a network.
     """
     names = files if truth is None else (*files, truth)
-    if names:
-        print(
-            f"reading {', '.join(names)} …" if len(names) < 4 else f"reading {len(names)} files …",
-            file=sys.stderr,
-            flush=True,
-        )
+    if names and static is None:
+        print(f"reading {', '.join(names) if len(names) < 4 else f'{len(names)} files'} …", flush=True)
     import tmca
 
     if static is not None:
