@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 import torch
@@ -9,6 +10,7 @@ import torch
 from tests.cli.refusals import refused
 from tmca.cameras import Snapshot
 from tmca.cli import main
+from tmca.codes import write_codes
 
 SMALL = ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out", "sim.nc"]
 EXPORT = ["export", "sim.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures"]
@@ -33,6 +35,21 @@ def sim(exported, tmp_path):
 @pytest.fixture
 def ex(sim, exported, tmp_path):
     shutil.copytree(exported / "ex", tmp_path / "ex")
+
+
+def test_the_exposure_that_codes_were_designed_for_goes_along(capsys):
+    planes = torch.ones(2, 4, 4), torch.ones(2, 4, 4)
+    for name, notes in {"mine": {"sensor": {"exposure": 0.02, "bits": 12}}, "other": {}}.items():
+        write_codes(f"{name}.nc", *planes, (4, 4), notes)
+    command = ["export", "{}.nc", "--device", "emulated-shutter", "--sensor-size", "24x28", "--no-figures", "--out"]
+    said = {}
+    for out, name, more in (("a", "mine", []), ("b", "mine", ["--exposure", "0.3"]), ("c", "other", [])):
+        main([one.format(name) for one in command] + [out, *more])
+        said[out] = (capsys.readouterr().out, json.loads(Path(out, "manifest.json").read_text())["exposure_s"])
+    assert [seconds for _, seconds in said.values()] == [0.02, 0.3, 0.1]
+    assert "10 ms (those of the design)" in said["a"][0]
+    assert "150 ms, from" in said["b"][0]
+    assert "50 ms (the default of --exposure)" in said["c"][0]
 
 
 def test_codes_go_to_devices_and_a_capture_comes_back(tmp_path, capsys):

@@ -74,6 +74,9 @@ UNUSABLE = {
     "missing": (lambda folder: None, "gone.mat", {}, "no such file"),
     "an empty folder": (folder_of("empty"), "empty", {}, "_ms_01.png"),
     "a folder of other things": (folder_of("other", "notes.txt"), "other", {}, "without band images"),
+    "an export": (folder_of("shown", "manifest.json"), "shown", {}, "`tmca export check "),
+    "frames of a bench": (folder_of("frames", "captures.json"), "frames", {}, "joined in frames.nc"),
+    "a study": (folder_of("study", "study.html"), "study", {}, "study.html in a browser"),
     "an unknown suffix": (text("a.xyz", "x"), "a.xyz", {}, ".mat"),
     "an empty store": (folder_of("a.zarr"), "a.zarr", {}, "a.zarr"),
     "objects": (

@@ -106,6 +106,8 @@ def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     group = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "driver": "tmca.devices"}[part]
     place = f"{named.module}:{named.Class}" if part != "camera" else named.module  # which has the application too
     lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {quote(str(test))}"]
+    if find_spec("pytest") is None:
+        lines.append("pytest is not installed yet: pip install pytest")
     if part == "decoder":
         lines.append(f"try it with: tmca reconstruct SNAPSHOT.nc --decoder {quote(f'{file}:{named.Class}')}")
     if part == "driver":

@@ -32,6 +32,9 @@ def view(
         browser: open the page in the browser.
         static: write the page to this file (HTML, 10 MB at most) instead; it needs neither Python nor a network.
     """
+    names = files if truth is None else (*files, truth)
+    if names and static is None:
+        print(f"reading {', '.join(names) if len(names) < 4 else f'{len(names)} files'} …", flush=True)
     import tmca
 
     if static is not None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 from tmca.cameras import Camera, Hardware, Snapshot
 from tmca.data import read_dataset, read_scene
 from tmca.errors import SettingError
-from tmca.lab.acquisition.drivers import Device, find_device
+from tmca.lab.acquisition.drivers import Device, Lamp, find_device
 from tmca.lab.acquisition.session import capture, check_camera, joined
-from tmca.lab.calibration.capturing import capture_step
+from tmca.lab.calibration.capturing import capture_step, check_lights
 from tmca.lab.calibration.displacement import Curve
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import StepSettings
@@ -42,7 +42,7 @@ def export(
     devices: Sequence[str],
     out: str | Path,
     *,
-    exposure: float = 0.1,
+    exposure: float | None = None,
     macro_pixel: float | None = None,
     mounting_angle: float | None = None,
     overwrite: bool = False,
@@ -53,7 +53,7 @@ def export(
         source: a snapshot file, a file of `tmca design`, a run of `tmca.train` or its weights.
         devices: names of presets or YAML files, one for each plane of the codes that is shown; see docs/devices.md.
         out: folder, written whole or not at all.
-        exposure: of all slots together, seconds.
+        exposure: of all slots together, seconds; that which the codes were designed for without, else 0.1 s.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees.
         overwrite: replace an export.
@@ -107,13 +107,19 @@ def steps_before(camera: Camera, manifest: dict[str, Any], simulated: bool) -> t
     return [one for one in steps if not (silent and one == "linearity")], left_out
 
 
-def usual_frames(camera: Camera, simulated: bool, **asked: Any) -> Frames:
-    """What a calibration asks for; the simulated bench lights a camera with its own wavelengths and depths."""
-    if simulated:
+def usual_frames(camera: Camera, lit: bool, **asked: Any) -> Frames:
+    """What a calibration asks for; a bench that sets its light (``lit``) takes a camera's own wavelengths and depths
+    where none are named."""
+    if lit:
         lab = lab_camera(camera)
         asked["wavelengths"] = asked.get("wavelengths") or tuple(lab.wavelengths(camera))
         asked["depths"] = asked.get("depths") or tuple(lab.depths(camera))
     return Frames(**asked)
+
+
+def sets_light(driver: Device | None) -> bool:
+    """Whether a bench sets its light itself: the simulated one (None), or a driver with ``illuminate``."""
+    return driver is None or isinstance(driver, Lamp)
 
 
 class Bench(Summary):
@@ -205,7 +211,15 @@ class Bench(Summary):
         return parts, {"scene": name, "scene_digest": " ".join(f"{float(part.double().sum()):.12g}" for part in parts)}
 
     def calibrate(
-        self, out: str | Path, *, name: str = "", frames: int = 16, curve: Curve = "cauchy", progress: Asked = None
+        self,
+        out: str | Path,
+        *,
+        name: str = "",
+        frames: int = 16,
+        wavelengths: Sequence[float] = (),
+        depths: Sequence[float] = (),
+        curve: Curve = "cauchy",
+        progress: Asked = None,
     ) -> Calibration:
         """Take the frames of every step of a calibration, and measure them.
 
@@ -215,6 +229,9 @@ class Bench(Summary):
             out: folder of the frames, one folder for each step; steps that were stopped go on there.
             name: of the camera, kept in the calibration; that of the folder if empty.
             frames: of dark, flat and white.
+            wavelengths: metres, of dispersion and point spread functions; the first is that of the registration. Those
+                of the camera's bands without, the middle one first.
+            depths: metres, of the point before a spectral-depth camera; three of its planes without.
             curve: of the dispersion over the wavelength; ``"measured"``: straight lines.
             progress: see `capture`.
 
@@ -222,14 +239,17 @@ class Bench(Summary):
             The calibration, to be saved by its ``save``.
 
         Raises:
-            SettingError, DeviceError, OutputError: as of `capture`.
+            SettingError: a driver that does not set its light; before the first frame.
+            DeviceError, OutputError: as of `capture`.
             DataError: frames that do not fit, or a fit that failed.
 
         Warns:
             Doubtful: a step that left more than good captures leave.
         """
         steps, _ = steps_before(self.camera, self.manifest, self.simulated)
-        asked = usual_frames(self.camera, self.simulated, frames=frames)
+        lights = {"wavelengths": tuple(wavelengths), "depths": tuple(depths)}
+        asked = usual_frames(self.camera, sets_light(self.driver), frames=frames, **lights)
+        check_lights(steps, self.camera, self.manifest, asked, self.driver)
         with reporting(progress, f"calibrate {Path(out).name}") as report:
             for place, step in enumerate(steps):
                 capture_step(

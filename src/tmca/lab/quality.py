@@ -9,6 +9,10 @@ class Doubtful(UserWarning):
     """A residual beyond what good captures leave."""
 
 
+class NotMeasured(Warning):
+    """A calibration that lacks steps of its camera."""
+
+
 def quality_of(source: object, name: str, residual: float, usual: float) -> float:
     """A residual over what good captures leave of it at most; 0 where it is not known. Warns where that is above 1.
 

@@ -268,6 +268,20 @@ def test_a_driver_of_a_file_is_named_by_it(tmp_path):
         find_device(f"{file}:Bank")
 
 
+def test_what_fails_in_a_driver_of_a_file_names_its_line(tmp_path):
+    file = tmp_path / "bench.py"
+    file.write_text(
+        "class Bench:\n    saturation = 255.0\n    def __init__(self, port: int = 0):\n        [][port]\n"
+        "class Later(Bench):\n    def __init__(self): pass\n    def load(self, export):\n        return [][1]\n"
+        "    def show(self, slot): pass\n    def capture(self, whole=False): pass\n"
+    )
+    said = r"bench.py:{}, which fails with IndexError: list index out of range \(line {}\), expected an answer"
+    with pytest.raises(DeviceError, match=said.format("Bench", 4)):
+        find_device(f"{file}:Bench")
+    with pytest.raises(DeviceError, match=said.format("Later", 8)):
+        capture(exported(tmp_path, spectral()), find_device(f"{file}:Later"), tmp_path / "frames")
+
+
 def test_drivers_of_other_packages_plug_in(plugged):
     plugged("lamp", lambda: Lamp)
     found = find_device("lamp", level=100)

@@ -9,14 +9,16 @@ import torch
 
 from tests.lab.acquisition.test_capture import exported
 from tests.lab.calibration.test_one_bench import bench_of
-from tmca.cameras import LightFieldCamera, SpectralCamera, SpectralDepthCamera
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import read_array
 from tmca.errors import DataError, DeviceError, OutputError, SettingError
 from tmca.lab.acquisition.drivers import find_device
+from tmca.lab.bench import Bench, sets_light, usual_frames
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.capturing import capture_step, shots_of
+from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import steps_of
+from tmca.lab.calibration.steps import not_measured, steps_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import read_manifest
@@ -176,6 +178,61 @@ def test_frames_that_were_taken_before_are_no_bench_of_a_calibration(tmp_path):
     with pytest.raises(SettingError, match=r"--device: found FrameFolder.*tmca calibrate STEP FOLDER"):
         capture_step("dark", export, find_device("folder", path=str(folder)), tmp_path / "c", camera, Asked(frames=2))
     assert not (tmp_path / "c").exists()
+
+
+class Lit(Driver):
+    """A bench that sets its light, and keeps what it was told."""
+
+    def __init__(self, size):
+        super().__init__(size)
+        self.lights, self.exports = [], []
+
+    def load(self, export):
+        self.exports.append(export.manifest)
+
+    def illuminate(self, light):
+        self.lights.append(light)
+
+
+def test_a_driver_with_a_lamp_is_told_the_bands_of_the_camera_and_the_settings_of_the_codes(tmp_path):
+    camera = spectral()
+    export, driver = exported(tmp_path, camera, *BOTH), Lit(camera.snapshot_shape[1:])
+    asked = usual_frames(camera, sets_light(driver))
+    for step in ("registration", "dispersion"):
+        folder = capture_step(step, export, driver, tmp_path / "b", camera, asked)
+    assert [light.wavelength for light in driver.lights] == [540e-9] * 4 + [540e-9, 450e-9, 650e-9]
+    assert {file.stem for file in folder.glob("*.tif")} == {"band_450nm", "band_540nm", "band_650nm"}
+    assert all(list(one["settings"]["sensor"]) == [*camera.snapshot_shape[1:]] for one in driver.exports)
+    noted = json.loads((tmp_path / "b" / "registration" / "captures.json").read_text())["taken_with"]
+    assert noted["wavelength_nm"] == 540
+    shift = camera.dispersion.displacement[1] - camera.dispersion.origin
+    assert noted["drawn_map"] == [[1, 0, 0], [0, 1, shift]]
+
+
+def test_what_a_bench_lacks_is_said_before_its_first_frame(tmp_path):
+    camera = spectral()
+    export, driver = exported(tmp_path, camera, *BOTH), Driver(camera.snapshot_shape[1:])
+    Snapshot(torch.zeros(1, *camera.snapshot_shape), camera).save(tmp_path / "drawn.nc")
+    bench = Bench(export, snapshot=Snapshot.load(tmp_path / "drawn.nc"))
+    bench.driver, bench.simulated = driver, False
+    with pytest.raises(SettingError, match=r"10 lights.*illuminate"):
+        bench.calibrate(tmp_path / "b", wavelengths=[450e-9])
+    assert driver.shown == []
+    assert not (tmp_path / "b").exists()
+
+
+def test_steps_that_a_calibration_lacks_are_named_by_the_cameras_that_it_may_be_of():
+    flat = Calibration({"dark": None, "flat": None}, {"camera": {}, "steps": {}})
+    rest = "linearity, registration, timing, dispersion"
+    assert not_measured(flat) == f"{rest} (spectral), shear (light-field)"
+    assert not_measured(flat, spectral()) == rest
+    assert (
+        not_measured(flat, spectral(), whole=False)
+        == not_measured(flat, spectral(slots=1))
+        == rest.replace("timing, ", "")
+    )
+    whole = Calibration({**flat.parts, **dict.fromkeys(rest.split(", "))}, flat.about)
+    assert not_measured(whole) == not_measured(whole, spectral()) == ""
 
 
 def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):

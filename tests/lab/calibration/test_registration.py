@@ -203,3 +203,11 @@ def test_a_displaced_pattern_is_found_under_light_that_falls_off(shift):
     assert found.light == pytest.approx(light[14:53].mean(), rel=0.15)
     with pytest.raises(DataError, match="not seen"):
         displacement_of(noisy(np.ones(sensor), 20), pattern, registered)
+
+
+def test_the_middle_of_the_mask_lies_beside_where_it_was_drawn_by_what_it_was_moved():
+    matrix, drawn = np.array([[0, 2.0, 7], [1.0, 0, 9]]), np.array([[0, 2.0, 6.25], [1.0, 0, 9.5]])
+    seen = Registration(matrix, np.zeros((2, 3)), 0.0, 0.0, (5, 8), (21, 30))
+    assert seen.beside(drawn) == {"rows_from_where_drawn": 0.75, "columns_from_where_drawn": -0.5}
+    away = {"rows_from_the_sensor_middle": 2 * 3.5 + 7 - 10, "columns_from_the_sensor_middle": 2.0 + 9 - 14.5}
+    assert seen.beside(None) == away

@@ -1,5 +1,7 @@
 """Dark, flat, linearity and timing, of sensors and slots whose true numbers are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,6 +12,7 @@ from tmca.codes import slot_overlap as repeated_overlap
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.sensor import DEAD, HOT, measure_dark, measure_flat, measure_linearity
 from tmca.lab.calibration.timing import measure_timing, pair_light, slot_overlap
+from tmca.lab.quality import Doubtful
 
 SIZE = (37, 42)
 GAIN, READ, OFFSET = 2.5, 4.0, 300.0
@@ -87,6 +90,15 @@ def test_electrons_and_saturation_are_those_of_the_sensor():
     assert found.saturation == pytest.approx(top - OFFSET, rel=0.01)
     assert found.full_well == pytest.approx(GAIN * (top - OFFSET), rel=0.04)
     assert np.isnan(found.deviations[-2:]).all()
+
+
+def test_electrons_that_are_less_sure_than_large_are_not_known():
+    times = np.linspace(0.2, 2.0, 8)
+    found = measure_linearity(times, series(times), measure_dark(frames(0.0, 32)))
+    assert found.electrons("series")["electrons_per_dn"] == found.gain
+    lost = replace(found, gain=56493.0, gain_std=76510.0)
+    with pytest.warns(Doubtful, match=r"series: 5\.65e\+04 ± 7\.65e\+04 electrons per digital number: not known"):
+        assert all(np.isnan(value) for value in lost.electrons("series").values())
 
 
 def test_a_bent_response_is_measured_and_a_strongly_bent_one_refused():

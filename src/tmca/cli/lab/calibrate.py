@@ -7,7 +7,7 @@ from typing import Literal
 
 from cyclopts import App
 
-from tmca.cli.lab.calibrate_steps import residual_lines, step_commands
+from tmca.cli.lab.calibrate_steps import missing_lines, residual_lines, step_commands
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.numbers import size as parsed_size
 from tmca.cli.options.output import Figure, Json, Overwrite, check_figure, check_targets, say
@@ -110,6 +110,7 @@ def show(calibration: Path, /, *, json: Json = False) -> None:
         calibration: file, or its name without the date for the newest.
     """
     from tmca.lab.calibration.file import load_calibration
+    from tmca.lab.calibration.steps import not_measured
 
     found = load_calibration(calibration)
     about = found.about
@@ -119,7 +120,8 @@ def show(calibration: Path, /, *, json: Json = False) -> None:
     for name, step in about["steps"].items():
         lines.append(f"{name} (measured {step['measured']} from {', '.join(one['path'] for one in step['sources'])})")
         lines += residual_lines(step["residuals"])
-    say({"calibration": str(found.path), **about}, json, *lines)
+    missing = not_measured(found)
+    say({"calibration": str(found.path), **about, "not_measured": missing}, json, *lines, *missing_lines(missing))
 
 
 @app.command

@@ -36,35 +36,41 @@ def capture(
         step: dark, flat, white, linearity, registration, buckets, timing, dispersion, shear, psf0 …, or all.
         export: folder of `tmca export`.
         out: folder of all steps; one folder each, and the patterns that were shown.
-        wavelength: NM or NM,NM,… of the light; a simulated spectral camera's bands without.
-        depth: METRES,METRES,… of the point of psf; three planes of a simulated camera without.
+        wavelength: NM or NM,NM,… of the light, the first that of registration; the camera's bands without, the middle
+            one first, where the bench sets its light.
+        depth: METRES,METRES,… of the point of psf; three of the camera's planes without, where the bench sets its
+            light.
         frames: of dark, flat and white.
         pattern: that dispersion and shear show, counted from 0.
         count: of coded patterns.
         reflectance: of the white reference.
     """
-    from tmca.data import nm_to_metres
-    from tmca.lab.bench import steps_before, usual_frames
-    from tmca.lab.calibration.capturing import capture_step
+    from tmca.data import metres_to_nm, nm_to_metres
+    from tmca.lab.bench import sets_light, steps_before, usual_frames
+    from tmca.lab.calibration.capturing import capture_step, check_lights
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     bench.check()
     taken = bench.known(export)
     waves = tuple(float(nm_to_metres(one)) for one in _each(wavelength, "--wavelength", 100, 20000, "nm"))
     depths = _each(depth, "--depth", 1e-3, 1e6, "m")
+    manifest = read_manifest(export)
+    whole = exposed_whole(manifest)
+    driver = bench.bench(taken, whole)
     asked = usual_frames(
-        taken.camera, bench.simulated, frames=frames, wavelengths=waves, depths=depths, pattern=pattern, count=count,
+        taken.camera, sets_light(driver), frames=frames, wavelengths=waves, depths=depths, pattern=pattern, count=count,
         reflectance=reflectance,
     )  # fmt: skip
-    manifest = read_manifest(export)
     steps, left_out = steps_before(taken.camera, manifest, bench.simulated) if step == "all" else ([step], [])
+    shots = check_lights(steps, taken.camera, manifest, asked, driver)
     for line in left_out:
         print(line)
-    whole = exposed_whole(manifest)
+    if (wave := shots["registration"][0].light.wavelength if "registration" in shots else None) is not None:
+        print(f"registration: light of {metres_to_nm(wave):g} nm")
     for one in steps:
         with progress_bar(f"capture: {one}") as report:
             capture_step(
-                one, export, bench.bench(taken, whole), out, taken.camera, asked, bench=bench.said(),
+                one, export, driver, out, taken.camera, asked, bench=bench.said(),
                 timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
             )  # fmt: skip
         print(f"{out / one}: measure it with tmca calibrate all {out} --out NAME")

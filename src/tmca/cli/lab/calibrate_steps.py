@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,6 +89,11 @@ def residual_lines(residuals: Mapping[str, Any]) -> list[str]:
         name: "not known" if value is None or value != value else f"{value:.5g}" for name, value in residuals.items()
     }
     return [f"  {name.replace('_', ' '):<32} {value}" for name, value in shown.items()]
+
+
+def missing_lines(missing: str) -> list[str]:
+    """What is said of steps that a calibration lacks; nothing where there are none."""
+    return [f"not measured: {missing}; what was drawn is used"] if missing else []
 
 
 def _settings(how: CalibrationOptions, **given: Any) -> StepSettings:
@@ -177,12 +183,15 @@ def step_commands() -> Iterator[tuple[str, Callable[..., None]]]:
 
 def _command(step: str) -> Callable[..., None]:
     def command(captures: Path, /, *, how: CalibrationOptions = _USUAL, **given: Any) -> None:
-        from tmca.lab.calibration.steps import measure, measure_all
+        from tmca.lab.calibration.steps import measure, measure_all, not_measured
 
         start, asked = how.started(), _settings(how, **given)
         if step == "all":
-            for part, calibration in measure_all(captures, start, asked):
-                how.finished(calibration, part)
+            whole = start
+            for part, whole in measure_all(captures, start, asked):
+                how.finished(whole, part)
+            for line in missing_lines(not_measured(whole)):
+                print(line, file=sys.stderr if how.json else sys.stdout)
         else:
             part = f"wavefront{asked.slot}" if step == "psf" else step
             how.finished(measure(step, start, captures, asked), part)

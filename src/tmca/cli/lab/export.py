@@ -22,7 +22,7 @@ def export(
     *,
     device: list[str],
     out: Path = Path("export"),
-    exposure: float = 0.1,
+    exposure: float | None = None,
     code_size: Annotated[str | None, Parameter(group=_DEVICE)] = None,
     sensor_size: Annotated[str | None, Parameter(group=_DEVICE)] = None,
     macro_pixel: Annotated[float | None, Parameter(group=_DEVICE)] = None,
@@ -44,7 +44,7 @@ def export(
         device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket, emulated-shutter, or a YAML file
             (docs/devices.md); one for each plane of the codes that is shown.
         out: folder.
-        exposure: of all slots together, seconds.
+        exposure: of all slots together, seconds; that of `tmca design --exposure` without, else 0.1.
         code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows.
         sensor_size: HEIGHTxWIDTH of the shutter, likewise.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
@@ -68,8 +68,9 @@ def export(
     if calibration is not None:
         _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
         affine = _registered(source, calibration, devices)
+    planes = read_planes(source)
     manifest = export_codes(
-        read_planes(source), devices, out, exposure=exposure, affine=affine,
+        planes, devices, out, exposure=exposure, affine=affine,
         code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     ).manifest  # fmt: skip
@@ -78,7 +79,12 @@ def export(
         from tmca.plots.style import save_figure
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
-    _say(manifest, out, json)
+    _say(manifest, out, json, "" if exposure else _exposure_of(planes.exposure))
+
+
+def _exposure_of(designed: float | None) -> str:
+    """Where an exposure comes from that was not asked for."""
+    return " (the default of --exposure)" if designed is None else " (those of the design)"
 
 
 def _refuse_beside_a_calibration(**options: Any) -> None:
@@ -112,9 +118,9 @@ def check(folder: Path, /, *, json: Json = False) -> None:
     _say(check_export(folder), folder, json)
 
 
-def _say(manifest: dict[str, Any], folder: Path, as_json: bool) -> None:
+def _say(manifest: dict[str, Any], folder: Path, as_json: bool, why: str = "") -> None:
     each = manifest["exposure_s"] / manifest["slots"]
-    head = f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms, from {manifest['source']}"
+    head = f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms{why}, from {manifest['source']}"
     say(manifest, as_json, head, *(f"  {plane['plane']}: {_words(plane)}" for plane in manifest["planes"]))
 
 

@@ -60,11 +60,22 @@ def open_cave(folder: Path) -> Contents:
             folder,
             "an empty folder" if not any(folder.iterdir()) else "a folder without band images or views",
             "a CAVE scene (*_ms_01.png … *_ms_31.png), a light field (a picture per view) or a Zarr store",
-            "say how a light field's views are named with pattern= (--pattern), such as view_{row}_{column}.png",
+            _what_else(folder)
+            or "say how a light field's views are named with pattern= (--pattern), such as view_{row}_{column}.png",
         )
     name = _BAND_FILE.sub("", files[0].name)
     stored = stack_pictures(name, files, (len(files),), ("band",), _grey)
     return Contents(folder, "CAVE folder", {name: replace(stored, usual_axis=0)})
+
+
+def _what_else(folder: Path) -> str:
+    """What to do with a folder that another command wrote; empty of others."""
+    if (folder / "manifest.json").is_file():
+        return f"an export is read by `tmca export check {folder}`"
+    if (folder / "captures.json").is_file():
+        return f"frames of a bench are joined in {folder.name}.nc beside it, or measured by `tmca calibrate`"
+    pages = sorted(folder.glob("*.html"))
+    return f"open {pages[0]} in a browser, or name one file in it" if pages else ""
 
 
 def stack_pictures(

@@ -14,11 +14,11 @@ from typing import Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.errors import DeviceError, SettingError, TmcaError
+from tmca.errors import DeviceError, SettingError, TmcaError, one_line
 from tmca.lab.acquisition.driver_settings import read_settings, said_settings
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.export import Export
-from tmca.plugins import class_from_file, names_a_file
+from tmca.plugins import class_from_file, file_of, line_in, names_a_file
 
 
 @runtime_checkable
@@ -173,9 +173,18 @@ def answering(device: object) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         name = device if isinstance(device, str) else type(device).__name__
-        said = f"{type(error).__name__}: {error}".rstrip(": ")
         remedy = "see to the device, and run the same command again"
-        raise DeviceError(f"device {name}", said, "an answer", remedy) from error
+        raise DeviceError(f"device {name}", _failure(device, error), "an answer", remedy) from error
+
+
+def _failure(device: object, error: BaseException) -> str:
+    """What failed, in one line; in a driver of a file, which one, and where in it."""
+    said, file, name = one_line(error), file_of(type(device)), type(device).__name__
+    if isinstance(device, str) and names_a_file(device):
+        place, _, name = device.rpartition(":")
+        file = Path(place).expanduser().resolve()
+    line = "" if file is None else line_in(file, error)
+    return f"{file}:{name}, which fails with {said}{line}" if line else said
 
 
 _LEAST, _EXPOSURES = 30.0, 3.0

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
 import numpy as np
 import torch
@@ -15,11 +16,13 @@ from tmca.cameras import Camera, Snapshot
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.parts import kind_of
+from tmca.lab.calibration.steps import not_measured
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.devices import DeviceDescription
 from tmca.lab.display.placement import Affine
 from tmca.lab.frames import check_size
 from tmca.lab.notes import AVERAGED, CODES_DATE, GAIN, WHITE, date_of_codes, now, parsed_date
+from tmca.lab.quality import NotMeasured
 from tmca.sensor import Sensor
 
 RAW = "digital numbers"
@@ -120,14 +123,28 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
 
     Raises:
         DataError: digital numbers and no calibration, or see ``calibrated_snapshot``.
+
+    Warns:
+        NotMeasured: a calibration that lacks steps of this camera.
     """
     taken = Snapshot.load(path)
     if calibration is not None:
-        return calibrated_snapshot(taken, load_calibration(calibration))
+        measured = load_calibration(calibration)
+        laid = calibrated_snapshot(taken, measured)
+        _warn_of_missing(measured, taken)
+        return laid
     if taken.notes.get("values") == RAW:
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(path, "a snapshot in digital numbers", "relative irradiance", remedy)
     return taken
+
+
+def _warn_of_missing(calibration: Calibration, taken: Snapshot[Any]) -> None:
+    """Frames of slots that were masked afterwards have no timing to measure."""
+    whole = float(taken.notes.get(WHITE, taken.camera.full_scale)) == taken.camera.full_scale
+    if missing := not_measured(calibration, taken.camera, whole):
+        text = f"{calibration.where}: not measured: {missing}; what was drawn is used"
+        warn(text, NotMeasured, stacklevel=3)
 
 
 def white_level(calibration: Calibration) -> float:
@@ -178,7 +195,7 @@ def measured_sensor(camera: Camera, calibration: Calibration) -> Sensor:
         return camera.sensor
     level = white_level(calibration)
     read = dark.noise * camera.full_scale / level
-    if linearity is None:
+    if linearity is None or not linearity.gain_is_known:
         return Sensor(**{**camera.sensor.settings(), "read_noise": read, "read_noise_electrons": 0.0})
     # electrons of a white scene: there the sensor counts its full well
     return Sensor(read_noise=read, full_well=linearity.gain * level / camera.exposures, saturates=False)
@@ -201,7 +218,7 @@ def captured_sensor(camera: Camera, calibration: Calibration, gain: float, white
         "read_noise": camera.sensor.read_noise * scaled,
         "saturates": False,
     }
-    if linearity is not None:
+    if linearity is not None and linearity.gain_is_known:
         settings["full_well"] = linearity.gain * level * frames * camera.white / white
     return Sensor(**settings)
 

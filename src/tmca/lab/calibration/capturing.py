@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,8 +17,10 @@ from tmca.lab.acquisition.captures import captured_so_far, check_frame, in_use, 
 from tmca.lab.acquisition.drivers import Device, Lamp, Recorded, number_of
 from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame_of
 from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
+from tmca.lab.calibration.fits import DRAWN
 from tmca.lab.calibration.shots import BUCKET, CODES, IN_TURN, OPEN, PATTERNS, Asked, Shot, pair_name
 from tmca.lab.calibration.steps import step_of, steps_of
+from tmca.lab.cameras import lab_camera
 from tmca.lab.display.codes import Planes, by_slot
 from tmca.lab.display.export import Export, export_like
 from tmca.lab.display.manifest import buckets_of, check_export, device_of, placement_of, read_manifest
@@ -33,6 +35,29 @@ def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) 
     check_choice("step", step, steps_of(camera, manifest))
     slot = int(step.removeprefix("psf")) if step.startswith("psf") else 0
     return list(step_of(step).acquire(camera, manifest, asked, slot))
+
+
+def check_lights(
+    steps: Iterable[str], camera: Camera, manifest: dict[str, Any], asked: Asked, device: Device | None
+) -> dict[str, list[Shot]]:
+    """Frames of steps, before the first of them is taken; a device of None sets its light.
+
+    Raises:
+        SettingError: a step that this camera does not have, a light that is not said, several lights before a bench
+            that sets none, or frames that were taken before in the place of a bench.
+    """
+    if isinstance(device, Recorded):
+        found = f"{type(device).__name__}, frames that were taken before"
+        remedy = "name them as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
+        raise SettingError("--device", found, "simulated, or a driver that takes frames", remedy)
+    shots = {step: shots_of(step, camera, manifest, asked) for step in steps}
+    if device is None or isinstance(device, Lamp):
+        return shots
+    for step, each in shots.items():
+        if (lights := len({shot.light for shot in each})) > 1:
+            remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
+            raise SettingError(f"frames of {step}", f"{lights} lights", "one, where the bench sets none", remedy)
+    return shots
 
 
 def capture_step(
@@ -74,21 +99,13 @@ def capture_step(
         OutputError: the folder holds something else, or frames of another bench, or another process captures into it.
     """
     asked = asked or Asked()
-    if isinstance(device, Recorded):
-        found = f"{type(device).__name__}, frames that were taken before"
-        remedy = "name them as docs/calibration.md says, and measure their folder: tmca calibrate STEP FOLDER"
-        raise SettingError("--device", found, "simulated, or a driver that takes frames", remedy)
     manifest = check_export(export)
     check_camera(export, camera)
-    shots = shots_of(step, camera, manifest, asked)
-    lights = len({shot.light for shot in shots})
-    if lights > 1 and not isinstance(device, Lamp):
-        remedy = "take them one after the other (--wavelength), or give the driver illuminate(light)"
-        raise SettingError(f"frames of {step}", f"{lights} lights", "one, where the bench sets none", remedy)
+    shots = check_lights([step], camera, manifest, asked, device)[step]
     shown, folder, loaded = ShownCodes(export, Path(out), asked), Path(out) / step, ""
     with in_use(Path(out)), calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: number_of(device, "saturation"))
-        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, asked)}
+        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, shots[0], camera, asked)}
         record = resumed(captured_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
             if shot.name not in record["frames"]:
@@ -114,12 +131,14 @@ def _grey(values: Any, buckets: int) -> Any:
     return mean if buckets > 1 else mean[0]
 
 
-def _kept_with(step: str, asked: Asked) -> dict[str, Any]:
+def _kept_with(step: str, shot: Shot, camera: Camera, asked: Asked) -> dict[str, Any]:
     """What measuring a step has to know of its frames."""
     if step == "white":
         return {"reflectance": asked.reflectance}
-    if step == "registration" and asked.wavelengths:
-        return {"wavelength_nm": round(float(metres_to_nm(asked.wavelengths[0])), 6)}
+    if step == "registration":
+        wave, drawn = shot.light.wavelength, lab_camera(camera).drawn_map(camera, shot.light.wavelength)
+        lit = {} if wave is None else {"wavelength_nm": round(float(metres_to_nm(wave)), 6)}
+        return lit | ({} if drawn is None else {DRAWN: np.asarray(drawn).round(9).tolist()})
     return {"pattern": asked.pattern} if step in ("dispersion", "shear") else {}
 
 
@@ -158,7 +177,8 @@ class ShownCodes:
         planes = self._patterns() if name == PATTERNS else self._slots(name)
         placed = {plane: self.placed[plane] for plane in planes}
         buckets = buckets_of(self.manifest) if "shutter" in planes else 1
-        codes = Planes("codes of a calibration", self.manifest["camera"], planes, buckets=buckets)
+        settings = self.manifest["settings"]
+        codes = Planes("codes of a calibration", self.manifest["camera"], planes, settings=settings, buckets=buckets)
         slot = float(self.manifest["exposure_s"]) / int(self.manifest["slots"])
         return export_like(codes, placed, self.folder / "shown" / name, slot)
 

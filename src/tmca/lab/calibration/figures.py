@@ -47,7 +47,8 @@ def linearity(axes: Any, part: Linearity) -> None:
     predicted = (part.read_noise / part.gain) ** 2 + part.levels / part.gain
     axes[1].plot(part.levels[used], part.variances[used], "o", color=BLUE)
     axes[1].plot(part.levels[used], predicted[used], color=RED, linewidth=1)
-    title = f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number"
+    known = part.gain_std < part.gain
+    title = f"{part.gain:.3g} ± {part.gain_std:.1g} electrons per digital number" if known else "electrons not known"
     plain_axes(axes[1], title, "level (digital numbers)", "variance")
 
 
@@ -60,7 +61,10 @@ def registration(axes: Any, part: Registration) -> None:
     height, width = part.sensor
     corners = [0, width - 1, width - 1, 0, 0], [0, 0, height - 1, height - 1, 0]
     axes[0].plot(*corners, color="0.6", linewidth=1)
-    plain_axes(axes[0], "mask (dots) on the sensor (frame)", "sensor column", "sensor row")
+    middle = mapped(part.matrix, *(np.array((n - 1) / 2) for n in part.codes))
+    row, column = (float(at - (n - 1) / 2) for at, n in zip(middle, part.sensor, strict=True))
+    title = f"mask (dots) on the sensor (frame)\nmiddle {row:+.2f} rows, {column:+.2f} columns from the sensor's"
+    plain_axes(axes[0], title, "sensor column", "sensor row")
     moved = sensor - np.stack(mapped(nominal_matrix(part.codes, part.sensor, part.scale), *mask))
     moved = moved - moved.mean(axis=1, keepdims=True)
     axes[1].quiver(mask[1], mask[0], moved[1], moved[0], angles="xy", color=RED)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tmca.cameras import Snapshot
-from tmca.data import nm_to_metres
+from tmca.data import metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.buckets import measure_buckets
 from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
@@ -30,6 +30,9 @@ WAVE = re.compile(r"(\d+(?:\.\d+)?)nm(?:_|$)")
 BUCKET = re.compile(r"bucket_(\d+)(?:_|$)")
 IN_TURN = re.compile(r"in_turn_(\d+)(?:_|$)")
 EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
+
+DRAWN = "drawn_map"
+"""Note of a registration's frames: where the mask was drawn, (2, 3) from code to sensor pixels."""
 
 
 @dataclass(frozen=True)
@@ -192,10 +195,7 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
     residuals = {
         "largest_deviation": measured.largest_deviation,
         "saturation_dn": measured.saturation,
-        "electrons_per_dn": measured.gain,
-        "electrons_per_dn_std": measured.gain_std,
-        "read_noise_electrons": measured.read_noise,
-        "full_well_electrons": measured.full_well,
+        **measured.electrons(seen.path),
     }
     return {"linearity": Fitted(measured, residuals)}
 
@@ -216,7 +216,10 @@ def registration(seen: Captured) -> dict[str, Fitted]:
         "mirrored": float(np.linalg.det(registered.matrix[:, :2]) < 0),
         "scale": registered.scale,
         "turn_degrees": float(np.rad2deg(np.arctan2(registered.matrix[1, 0], registered.matrix[0, 0]))),
+        **registered.beside(taken_with(seen.path).get(DRAWN)),
     }
+    if wave is not None:
+        residuals["wavelength_nm"] = float(metres_to_nm(wave))
     if registered.leakage is not None and registered.leakage_std is not None:
         residuals |= {name: getattr(registered, name) for name in ("contrast_ratio", "leakage", "leakage_std")}
     settings = {"wavelength_m": wave, "scale": given.scale}

@@ -154,6 +154,18 @@ class Registration:
         arm = np.array([(self.codes[0] - 1) / 2, (self.codes[1] - 1) / 2, 1.0])
         return float(np.sqrt(((self.std * arm) ** 2).sum(axis=1)).max())
 
+    def beside(self, drawn: ArrayLike | None) -> dict[str, float]:
+        """Sensor pixels by which the middle of the mask lies beside where it was drawn.
+
+        Args:
+            drawn: (2, 3) map from code to sensor pixels; without, the distance is that from the sensor's middle.
+        """
+        middle = [np.array((n - 1) / 2) for n in self.codes]
+        wanted = [(n - 1) / 2 for n in self.sensor] if drawn is None else mapped(np.asarray(drawn), *middle)
+        rows, columns = (float(a - b) for a, b in zip(mapped(self.matrix, *middle), wanted, strict=True))
+        where = "from_the_sensor_middle" if drawn is None else "from_where_drawn"
+        return {f"rows_{where}": rows, f"columns_{where}": columns}
+
     def offset(self, other: ArrayLike) -> float:
         """Root mean square distance from another map over all mask pixels, sensor pixels."""
         rows, columns = (np.arange(n) for n in self.codes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tmca.errors import DataError
 from tmca.lab.calibration.fitting import robust_std
 from tmca.lab.frames import Array, check_size
+from tmca.lab.quality import Doubtful
 
 HOT, DEAD = 1, 2
 """Values of ``defects``: hot or noisy in the dark, and of a response far from the others'."""
@@ -200,9 +202,30 @@ class Linearity:
         return float(np.nanmax(np.abs(self.deviations)))
 
     @property
+    def gain_is_known(self) -> bool:
+        """Whether the gain is larger than its standard deviation."""
+        return self.gain_std < self.gain
+
+    @property
     def full_well(self) -> float:
         """Electrons at saturation; NaN where it was not reached."""
         return self.gain * self.saturation
+
+    def electrons(self, source: object) -> dict[str, float]:
+        """Gain, read noise and full well in electrons; NaN, with a warning that names the source, where the gain is not
+        known."""
+        said = {
+            "electrons_per_dn": self.gain,
+            "electrons_per_dn_std": self.gain_std,
+            "read_noise_electrons": self.read_noise,
+            "full_well_electrons": self.full_well,
+        }
+        if self.gain_is_known:
+            return said
+        found = f"{self.gain:.3g} ± {self.gain_std:.3g} electrons per digital number"
+        remedy = "not known, and not used; give more light, or take more frames"
+        warn(f"{source}: {found}: {remedy}", Doubtful, stacklevel=2)
+        return dict.fromkeys(said, float("nan"))
 
 
 def measure_linearity(

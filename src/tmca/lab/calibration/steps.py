@@ -14,7 +14,7 @@ from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.calibration.parts import kind_of
-from tmca.lab.cameras import lab_camera
+from tmca.lab.cameras import LAB_CAMERAS, lab_camera
 from tmca.lab.display.manifest import exposed_whole
 from tmca.lab.quality import quality_of
 
@@ -71,6 +71,26 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
     names = [name for name in STEPS if name in lab_camera(camera).steps and possible.get(name, True)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
     return tuple(part for name in names for part in (slots if name == "psf" else [name]))
+
+
+def not_measured(calibration: Calibration, camera: Camera | None = None, whole: bool = True) -> str:
+    """Names of steps that a calibration lacks, of the kind of camera where it could be of several; empty if none.
+
+    Args:
+        calibration: as far as it is measured.
+        camera: whose calibration it is, if that is known.
+        whole: whether the sensor codes its shutter in one exposure, and has a timing.
+    """
+    there = {step_of(name).name for name in calibration.parts}
+    kinds = [camera.kind] if camera else [kind for kind, lab in LAB_CAMERAS.items() if there <= lab.steps]
+    sensor = calibration.about["camera"].get("sensor") or ()
+    possible = {"buckets": len(sensor) == 3, "timing": whole and (camera is None or camera.slots > 1)}
+    missing = []
+    for name, step in STEPS.items():
+        having = [kind for kind in kinds if name in LAB_CAMERAS[kind].steps]
+        if step.fit and having and name not in there and possible.get(name, True):
+            missing.append(name if having == kinds else f"{name} ({', '.join(having)})")
+    return ", ".join(missing)
 
 
 def measure(name: str, calibration: Calibration, path: str | Path, given: StepSettings | None = None) -> Calibration:

@@ -110,6 +110,11 @@ class LabCamera(ABC):
             raise SettingError("--wavelength", "none", "that of the light for registration, in nm")
         return Light("white", wavelength=wavelengths[0])
 
+    def drawn_map(self, camera: Any, wavelength: float | None) -> Array | None:
+        """(2, 3) map from code to sensor pixels of the camera as it was drawn, under a light (metres); None where it
+        has no mask to register, or the light does not say."""
+        return None
+
     @abstractmethod
     def calibrated(self, camera: Any, calibration: Calibration, sensor: Sensor) -> Any:
         """The camera with what was measured of its codes and optics, and this sensor.

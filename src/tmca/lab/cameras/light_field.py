@@ -65,5 +65,8 @@ class LightFieldLab(CodedLab):
             vignetting=torch.as_tensor(vignetting).float(), sensor=sensor,
         )  # fmt: skip
 
-    def code_map(self, camera: LightFieldCamera, calibration: Calibration) -> Array:
+    def drawn_map(self, camera: LightFieldCamera, wavelength: float | None) -> Array:
         return nominal_matrix(camera.mask_size, camera.size, 1 / camera.shear.scale)
+
+    def code_map(self, camera: LightFieldCamera, calibration: Calibration) -> Array:
+        return self.drawn_map(camera, None)

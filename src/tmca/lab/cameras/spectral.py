@@ -71,6 +71,11 @@ class SpectralLab(CodedLab):
         """See ``LabCamera``; 0 in columns that no light reaches."""
         return _columns(values, measured.dispersion.origin - nominal.dispersion.origin, nominal.snapshot_shape[2])
 
+    def drawn_map(self, camera: SpectralCamera, wavelength: float | None) -> Array | None:
+        if wavelength is None:
+            return None
+        return moved(np.eye(2, 3), (0.0, _drawn_shift(camera, wavelength) - camera.dispersion.origin))
+
     def code_map(self, camera: SpectralCamera, calibration: Calibration) -> Array:
         """See ``LabCamera``; at the wavelength of the registration."""
         return moved(np.eye(2, 3), (0.0, _reference_shift(camera, calibration) - camera.dispersion.origin))
@@ -126,6 +131,11 @@ def _reference_shift(camera: SpectralCamera, calibration: Calibration) -> float:
     if registration.wavelength is None:
         remedy = "measure it under monochromatic light and give tmca calibrate registration --wavelength"
         raise DataError(calibration.where, "a registration of unknown wavelength", "one for a disperser", remedy)
+    return _drawn_shift(camera, registration.wavelength)
+
+
+def _drawn_shift(camera: SpectralCamera, wavelength: float) -> float:
+    """Nominal displacement of a wavelength (metres), pixels."""
     by_wave = np.argsort(camera.wavelengths)
     waves, shifts = np.array(camera.wavelengths)[by_wave], np.array(camera.dispersion.displacement)[by_wave]
-    return float(np.interp(registration.wavelength, waves, shifts))
+    return float(np.interp(wavelength, waves, shifts))

@@ -7,13 +7,15 @@ import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from pydantic import Field, Json
 from torch import Tensor
 
+from tmca.attributes import Attributes, attributes_of
 from tmca.cameras import Snapshot
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
@@ -28,6 +30,18 @@ from tmca.stored_numbers import check_finite
 from tmca.text_files import read_text
 
 Size = tuple[int, int]
+
+
+class _DesignedSensor(Attributes):
+    """The sensor that codes were designed for."""
+
+    exposure: Annotated[float, Field(gt=0)] | None = None
+
+
+class _Designed(Attributes):
+    """What a file of codes says of it."""
+
+    sensor: Json[_DesignedSensor] | None = None
 
 
 SENSOR = "sensor"
@@ -47,6 +61,7 @@ class Planes:
         modes: of Zernike masks ``coefficients`` (K, M) in metres rms and ``noll`` (M,).
         settings: of the camera, as far as they are known.
         buckets: R of a pixel of the sensor.
+        exposure: of all slots together that they were designed for, seconds, if that is known.
     """
 
     source: str
@@ -56,6 +71,7 @@ class Planes:
     modes: Mapping[str, Tensor] | None = None
     settings: Mapping[str, Any] | None = None
     buckets: int = 1
+    exposure: float | None = None
 
     @property
     def slots(self) -> int:
@@ -143,7 +159,11 @@ def _of_file(path: Path) -> Planes:
         codes = read_codes(path)
         shutter = by_slot(codes.shutter.flatten(0, -3), len(codes.aperture), codes.buckets)
         planes, kind = {"aperture": codes.aperture, "shutter": shutter}, str(stored.attrs.get("camera", ""))
-        return Planes(str(path), kind, planes, tuple(planes) if codes.period else (), buckets=codes.buckets)
+        sensor = attributes_of(_Designed, stored.attrs, path).sensor
+        return Planes(
+            str(path), kind, planes, tuple(planes) if codes.period else (), buckets=codes.buckets,
+            exposure=None if sensor is None else sensor.exposure,
+        )  # fmt: skip
     raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
 
 

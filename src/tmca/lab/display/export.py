@@ -61,6 +61,8 @@ _TRIGGERS = {
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
 _SLOTS = 4
+EXPOSURE = 0.1
+"""Seconds of all slots together where neither the call nor the codes say it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -97,7 +99,7 @@ def export_codes(
     devices: Sequence[DeviceDescription],
     out: str | Path,
     *,
-    exposure: float = 0.1,
+    exposure: float | None = None,
     code_size: Size | None = None,
     sensor_size: Size | None = None,
     offset: tuple[int, int] = (0, 0),
@@ -110,7 +112,7 @@ def export_codes(
         codes: of one exposure.
         devices: one for each plane that is shown.
         out: folder, written whole or not at all.
-        exposure: of all slots together, seconds.
+        exposure: of all slots together, seconds; that which the codes were designed for without, else 0.1 s.
         code_size: (H, W) pixels of the aperture's code; the code's own, or as many as the device shows of a tile.
         sensor_size: (H, W) of the shutter, likewise; the shutter's own without.
         offset: (rows, columns) by which the aperture is displaced from the device's middle, pitches of its pixels.
@@ -142,7 +144,7 @@ def export_codes(
         if affine is not None and device.plane == "aperture":
             placement = Placement.by(affine, placement.device, size)
         shown.append((device, plane, placement))
-    return _written(codes, shown, Path(out), exposure)
+    return _written(codes, shown, Path(out), codes.exposure or EXPOSURE if exposure is None else exposure)
 
 
 def export_like(
