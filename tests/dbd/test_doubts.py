@@ -74,7 +74,7 @@ def scene(bandwidth, targets, seed=0, snr_db=20):
     """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of 15 frequencies in noise."""
     source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, 15, 3e-6)
     points = np.array([(delay, doppler, 0) for delay, doppler, _ in targets])
-    truth = Truth(points, np.array([gain for *_, gain in targets]), np.ones(1))
+    truth = Truth(points, np.array([gain for *_, gain in targets], complex), np.ones(1, complex))
     y = Channel.true(source, truth, (1, 9, 15)).samples().reshape(1, 9, 15)
     sigma = np.sqrt(np.mean(np.abs(y) ** 2)) * 10 ** (-snr_db / 20)
     noise = np.random.default_rng(seed).standard_normal((2, *y.shape)) / 2**0.5

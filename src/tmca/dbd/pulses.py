@@ -53,7 +53,7 @@ def with_other_pulse(problem: Problem, channels: Sequence[Channel], index: int) 
     spectra = _spectra(channel, groups, count)
     pulse = spectra[np.argmax(np.linalg.norm(spectra, axis=1))]
     frequencies = len(pulse)
-    source = Source(channel.name, np.eye(frequencies), np.zeros(problem.shape[1], np.int64))
+    source = Source(channel.name, np.eye(frequencies, dtype=complex), np.zeros(problem.shape[1], np.int64))
     atoms = Atoms(source, problem.shape, every_axis=True)
     delays, gains = _shifts(spectra, pulse)
     strongest = [max(np.flatnonzero(groups == one), key=lambda path: abs(channel.amplitudes[path])) for one in

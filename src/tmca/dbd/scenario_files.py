@@ -39,7 +39,7 @@ def read_scenario(source: str | FilePath) -> Scenario:
             raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
         place = ".".join(map(str, first["loc"]))
         if first["type"] == UNKNOWN_NAME:
-            described_by = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
+            described_by: type[Any] = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
             known = [one.name for one in fields(described_by)]
             raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
         raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
