@@ -116,3 +116,20 @@ def test_a_colour_estimate_is_evaluated_and_drawn_in_colour(prior, tmp_path, cap
     assert again["psnr"] == pytest.approx(found["psnr"], abs=1e-4)
     assert again["ssim"] == pytest.approx(found["ssim"], abs=1e-5)
     assert drawn["e"].shape == drawn["truth"].shape == (3, 3, 3, 24, 30)
+
+
+def test_a_picture_of_colours_says_that_it_is_their_mean():
+    scene = load_light_field("coffee", **SCENE, colour=True)
+    snapshot = simulate(scene, LightFieldCamera(slots=1, shutter="open"))
+    assert snapshot.plot().axes[0].get_title() == "light-field, K = 1, mean of red, green and blue"
+    grey = simulate(scene.isel(colour=0), LightFieldCamera(slots=1, shutter="open"))
+    assert grey.averaged == ""
+
+
+def test_a_reconstruction_with_its_truth_says_the_error_of_its_disparity(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    answer(capsys, "simulate", "light-field", "coffee:2", "--views", "3", "--crop", "24x30", "--out", "s.nc")
+    how = ("-d", "dagger", "--truth", "coffee:2", "--out", "e.nc", "--no-figures")
+    said = answer(capsys, "reconstruct", "s.nc", *how)["metrics"]
+    again = answer(capsys, "evaluate", "e.nc", "coffee:2")
+    assert said["disparity_mae"] == pytest.approx(again["disparity_mae"], rel=1e-4)

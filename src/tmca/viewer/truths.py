@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
@@ -34,7 +35,7 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
     return items + (in_memory_items(evaluation.truth, "truth", "truth") if with_truth else [])
 
 
-def _others(facts: dict[str, Any], metrics: dict[str, float]) -> dict[str, Any]:
+def _others(facts: Mapping[str, Any], metrics: Mapping[str, float]) -> dict[str, Any]:
     """Facts of a file without the metrics that are measured anew."""
     return {name: value for name, value in facts.items() if name not in metrics}
 
