@@ -161,7 +161,9 @@ class Registration:
             drawn: (2, 3) map from code to sensor pixels; without, the distance is that from the sensor's middle.
         """
         middle = [np.array((n - 1) / 2) for n in self.codes]
-        wanted = [(n - 1) / 2 for n in self.sensor] if drawn is None else mapped(np.asarray(drawn), *middle)
+        wanted = [np.array((n - 1) / 2) for n in self.sensor]
+        if drawn is not None:
+            wanted = list(mapped(np.asarray(drawn), *middle))
         rows, columns = (float(a - b) for a, b in zip(mapped(self.matrix, *middle), wanted, strict=True))
         where = "from_the_sensor_middle" if drawn is None else "from_where_drawn"
         return {f"rows_{where}": rows, f"columns_{where}": columns}
