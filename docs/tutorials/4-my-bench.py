@@ -49,8 +49,8 @@ patterns.plot()
 # This one is simulated. Its mask is displaced by 0.3 pixels, and nobody is told. A real bench is the same object with
 # `device="my_bench.py:MyBench"`, a class of your own. It has the methods `load`, `show` and `capture`, and the attribute
 # `saturation`. For the calibration below it also needs `illuminate`, which sets the light:
-# [devices](../devices.md#captures). Without it you set the light yourself, step by step:
-# [calibration](../calibration.md#frames-from-a-bench-that-is-driven).
+# [devices](../devices.md). Without it you set the light yourself, step by step:
+# [calibration](../calibration.md).
 
 # %%
 bench = lab.Bench("patterns", hardware=tmca.cameras.Hardware(misregistration=0.3))
