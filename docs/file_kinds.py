@@ -31,6 +31,7 @@ ATTRIBUTES: Meanings = {
     "seconds": "wall time",
     "depth_planes": "nearest and farthest plane in metres, and their number",
     "focal_px": "distance from the aperture to the sensor, pixels",
+    "focal_of": "whose that is: of the `bench` or the `scene`",
     "unknown_depth_pixels": "pixels of unknown depth",
     "unknown_zero": "of these: zero in the file",
     "unknown_negative": "of these: negative in the file",

@@ -51,7 +51,7 @@ def test_accumulated_exposures_collect_more_electrons_and_saturate_later():
 ])  # fmt: skip
 def test_read_noise_that_looks_like_electrons_is_warned_of(given, remedy):
     with pytest.warns(SensorWarning, match=f"read_noise {given['read_noise']:g} is in units of one white .*{remedy}"):
-        Sensor(**given)
+        Sensor(**given).warn_of_electrons()
 
 
 def test_same_seed_same_noise():

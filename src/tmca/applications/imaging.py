@@ -26,6 +26,7 @@ from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.progress import Asked, reporting
+from tmca.sensor import Sensor
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -74,6 +75,7 @@ def simulate(
 
     Warns:
         SceneWarning: a scene with values above 1, or depth that was mapped.
+        SensorWarning: a read noise that looks like one in electrons.
     """
     application = application_of(camera)
     several: Sequence[Any] = scene if isinstance(scene, list | tuple) else [scene]
@@ -82,6 +84,8 @@ def simulate(
         raise SettingError("scene", "an empty list", "one scene, or one for each slot")
     scenes = [application.in_metres(one) for one in scenes] if metric_depth else scenes
     camera = camera.bound_to(**application.parts(scenes[0]))
+    if isinstance(camera.sensor, Sensor):
+        camera.sensor.warn_of_electrons()
     name = str(scenes[0].attrs.get("name", ""))
     fitted = list(map(application.fitted, scenes, repeat(camera), repeat(name or "scene")))
     for one in fitted:

@@ -60,7 +60,7 @@ class SensorSheet:
                 check_range(name, getattr(self, name), above=0)
         if self.exposure is None and (self.pattern_rate or self.slot_time):
             raise SettingError("exposure", "none beside a pattern rate or slot time", "the exposure time in seconds")
-        self.sensor()
+        self.sensor().warn_of_electrons()
 
     def sensor(self) -> Sensor:
         """As the camera's sensor."""

@@ -106,9 +106,6 @@ class Sensor(Summary, nn.Module):
     Raises:
         SettingError: no number, negative or absurd noise, a full well of no electrons, bits outside 1…32, electrons
             without a full well.
-
-    Warns:
-        SensorWarning: a read noise that hides every scene, as one that was meant in electrons does.
     """
 
     def __init__(
@@ -133,12 +130,24 @@ class Sensor(Summary, nn.Module):
             raise SettingError("read_noise_electrons", found, expected, "or use read_noise")
         if bits is not None:
             check_range("bits", bits, 1, 32)
-        _warn_of_electrons(read_noise, full_well)
         self.read_noise, self.full_well, self.read_noise_electrons = read_noise, full_well, read_noise_electrons
         self.bits, self.pedestal = bits, pedestal
         self.saturates = saturates if saturates is not None else (bits is not None or full_well is not None)
         self._top = 1.0 if isinstance(self.saturates, bool) else self.saturates
         check_range("saturates", self._top, high=1, above=0, unit="of full scale")
+
+    def warn_of_electrons(self) -> None:
+        """Warn of a read noise that hides every scene, as one that was meant in electrons does.
+
+        Only for sensors that somebody described: that of a capture may be in digital numbers.
+
+        Warns:
+            SensorWarning: of it.
+        """
+        if self.read_noise > (_WHITE if self.full_well is None else _WELL):
+            remedy = "full_well and read_noise_electrons" if self.full_well is None else "read_noise_electrons"
+            text = f"read_noise {self.read_noise:g} is in units of one white band or view; for electrons use {remedy}"
+            warn(text, SensorWarning, stacklevel=3)
 
     def noise(self, full_scale: float, exposures: int = 1) -> Noise:
         """Read and shot noise in snapshot units, the converter's rounding error counted as read noise.
@@ -214,11 +223,3 @@ class Sensor(Summary, nn.Module):
 
     def _picture(self) -> Figure:
         return self.plot()
-
-
-def _warn_of_electrons(read_noise: float, full_well: float | None) -> None:
-    """Warns of a read noise that looks like one in electrons."""
-    if read_noise > (_WHITE if full_well is None else _WELL):
-        remedy = "full_well and read_noise_electrons" if full_well is None else "read_noise_electrons"
-        text = f"read_noise {read_noise:g} is in units of one white band or view; for electrons use {remedy}"
-        warn(text, SensorWarning, stacklevel=4)
