@@ -58,7 +58,6 @@ def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
         assert Image.open(f"{picture}.png").width > 600
 
 
-@pytest.mark.slow
 def test_what_is_said_of_a_scan_is_what_its_files_hold(capsys, table):
     text = said(capsys, "scan", "depth", "table/captures", *PLAN, "--out", "depth.nc", "--truth", "table/truth.nc")
     with xr.open_dataset("depth.nc") as depth, xr.open_dataset("table/truth.nc") as truth:

@@ -20,7 +20,6 @@ def design(out, **how):
     return design_spectral_depth(SensorSheet(read_noise=0.01), out, **own)
 
 
-@pytest.mark.slow
 def test_one_slot_is_a_static_mask(tmp_path):
     told = []
     advice, found = design(tmp_path / "d", progress=lambda share, step: told.append(share))
