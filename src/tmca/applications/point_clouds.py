@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -113,10 +113,10 @@ def point_cloud(
         SettingError: a focal length that is not above 0, a confidence that the scene does not have, a light field
             without its focal length, baseline and focus, or another scene with these two.
     """
-    scene, picture = _scene(source)
+    of_views = {"baseline": baseline, "focus": focus}
+    scene, picture = _scene(source, {"focal": focal_px, **of_views})
     focal, known, origin = _focal(scene, focal_px)
     check_range("focal", focal, above=0, unit="px")
-    of_views = {"baseline": baseline, "focus": focus}
     if "depth" not in scene:
         _check_given({"focal": focal if known else None, **of_views})
     depth = _depth(scene, focal, of_views)
@@ -136,12 +136,12 @@ def point_cloud(
 
 def _focal(scene: xr.Dataset, given: float | None) -> tuple[float, bool, str]:
     """Focal length in pixels, whether it is that of a camera, and where it comes from."""
-    told = float(scene.attrs.get(FOCAL, 0.0))
+    stored = float(scene.attrs.get(FOCAL, 0.0))
     if given is not None:
         return given, True, ""
-    if told > 0:
+    if stored > 0:
         of_bench = scene.attrs.get(FOCAL_OF) == "bench"
-        return told, True, ", that of the bench; a simulated scene has its own (--focal, focal_px=)" if of_bench else ""
+        return stored, True, ", that of the bench; a simulated scene has its own (--focal, focal_px=)" if of_bench else ""
     return float(scene.sizes["x"]), False, ", the width of the picture, as none is known (--focal, focal_px=)"
 
 
@@ -171,15 +171,26 @@ def _depth(scene: xr.Dataset, focal: float, of_views: Mapping[str, float | None]
     return np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1.0), np.nan)
 
 
-def _scene(source: Any) -> tuple[xr.Dataset, NDArray[np.floating]]:
+def _has_maps(names: Iterable[Any]) -> bool:
+    """Whether a light field comes with the maps that its views show."""
+    return {"disparity", "all_in_focus"} <= set(names)
+
+
+def _maps(views: Any, geometry: Mapping[str, float | None]) -> xr.Dataset:
+    """Maps of the views of a light field, which take a while, once its geometry is seen to be given."""
+    _check_given(geometry)
+    return all_in_focus(views)
+
+
+def _scene(source: Any, geometry: Mapping[str, float | None]) -> tuple[xr.Dataset, NDArray[np.floating]]:
     """A scene with its depth, or its disparity, and its colours (y, x, 3) in [0, 1]."""
     if isinstance(source, Estimate):
         source = source.to_xarray().assign(source.maps)
     if isinstance(source, str | Path) and holds_rgbd(source):
         scene = read_rgbd(source)
         return scene, np.moveaxis(encoded(scene["rgb"].values), 0, -1)
-    scene = _read(source) if isinstance(source, str | Path) else _in_memory(source)
-    if {"disparity", "all_in_focus"} <= set(scene):
+    scene = _read(source, geometry) if isinstance(source, str | Path) else _in_memory(source, geometry)
+    if _has_maps(scene):
         shape = (3, scene.sizes["y"], scene.sizes["x"])
         sharp = np.moveaxis(np.broadcast_to(scene["all_in_focus"].values, shape), 0, -1)
         return scene, encoded(np.clip(sharp / bright_level(sharp), 0, 1))
@@ -189,14 +200,13 @@ def _scene(source: Any) -> tuple[xr.Dataset, NDArray[np.floating]]:
     return scene, rgb_composite(cube.values, cube["wavelength"].values.tolist())
 
 
-def _in_memory(scene: Any) -> xr.Dataset:
+def _in_memory(scene: Any, geometry: Mapping[str, float | None]) -> xr.Dataset:
     """A dataset of depth, or the maps of the views of a light field."""
     if not hasattr(scene, "dims"):
         raise DataError("scene", described(scene), "radiance and depth, or a light field, as tmca.read gives it")
     held = getattr(scene, "data_vars", {"": scene})
-    maps = {"disparity", "all_in_focus"} <= set(held)
-    if not maps and any("view_v" in one.dims for one in held.values()):
-        return all_in_focus(scene)
+    if not _has_maps(held) and any("view_v" in one.dims for one in held.values()):
+        return _maps(scene, geometry)
     if not hasattr(scene, "data_vars"):
         found = f"an array by {', '.join(map(str, scene.dims))}"
         raise DataError("scene", found, "radiance and depth, or a light field")
@@ -204,21 +214,22 @@ def _in_memory(scene: Any) -> xr.Dataset:
     return dataset
 
 
-def _read(source: str | Path) -> xr.Dataset:
+def _read(source: str | Path, geometry: Mapping[str, float | None]) -> xr.Dataset:
     """A scene with depth, or the maps of the views of a light field, from files or rendered."""
     path = Path(source)
     if not path.exists():
         name, _, number = str(source).partition(":")
         if number and is_rendered(name):
-            return all_in_focus(source)
+            return _maps(source, geometry)
         return rendered_scene(str(source)) if is_rendered(str(source)) else _with_confidence(path)
     if path.is_dir() and not is_zarr(path):
-        return all_in_focus(path) if scene_parts(path) is None and open_views(path) else _with_confidence(path)
+        views = scene_parts(path) is None and open_views(path)
+        return _maps(path, geometry) if views else _with_confidence(path)
     with open_contents(path) as contents:
-        maps, views = {"disparity", "all_in_focus"} <= set(contents.arrays), find_light_field(contents)
+        maps, views = _has_maps(contents.arrays), find_light_field(contents)
     if views is None:
         return _with_confidence(path)
-    return read_dataset(path) if maps else all_in_focus(path)
+    return read_dataset(path) if maps else _maps(path, geometry)
 
 
 def _with_confidence(path: Path) -> xr.Dataset:

@@ -65,7 +65,7 @@ def spectral(
     bands: Whole = 12,
     dispersion: str | None = None,
     disperser: str | None = None,
-    period: Whole = 32,
+    period: Whole | None = None,
     sheet: Annotated[SheetSpec, SHEET] = _SHEET,
     search: Annotated[CodeSearchSpec, SEARCH] = _SEARCH,
     reading: Annotated[BandsReading, READING] = _CUBE,
@@ -82,11 +82,12 @@ def spectral(
         bands: nearest to even spacing from 400 to 700 nm.
         dispersion: pixels per band, or the displacement of every band separated by commas. [default: 1]
         disperser: single or dual. [default: single]
-        period: tile of the codes, pixels.
+        period: tile of the codes, pixels. [default: 32, with --quick 16]
     """
     from tmca.reports.cameras import design_spectral
 
-    about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser), "period": period}
+    about = {"bands": bands, "reading": reading.given(), "camera": _optics(dispersion, disperser)}
+    about["period"] = (16 if search.quick else 32) if period is None else period
     _search_codes(design_spectral, run, search, scenes=scenes_of(scenes, split), **about, **run.how(sheet))
 
 
