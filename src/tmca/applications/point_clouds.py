@@ -141,7 +141,11 @@ def _focal(scene: xr.Dataset, given: float | None) -> tuple[float, bool, str]:
         return given, True, ""
     if stored > 0:
         of_bench = scene.attrs.get(FOCAL_OF) == "bench"
-        return stored, True, ", that of the bench; a simulated scene has its own (--focal, focal_px=)" if of_bench else ""
+        return (
+            stored,
+            True,
+            ", that of the bench; a simulated scene has its own (--focal, focal_px=)" if of_bench else "",
+        )
     return float(scene.sizes["x"]), False, ", the width of the picture, as none is known (--focal, focal_px=)"
 
 

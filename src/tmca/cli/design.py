@@ -145,7 +145,7 @@ def spectral_depth(
     how |= {"bench": bench.arguments(), **run.how(sheet)}
     with progress_bar(f"design {run.out.name}") as progress:
         _, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
-    _told(report, report["designs"], COLUMNS, run)
+    _report(report, report["designs"], COLUMNS, run)
 
 
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
@@ -156,7 +156,7 @@ def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:
         _, report = design(progress=progress, **how)
-    _told(report, report["designs"], COLUMNS, run, "; it has the survey of every number of slots")
+    _report(report, report["designs"], COLUMNS, run, "; it has the survey of every number of slots")
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -181,7 +181,7 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
-def _told(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions, has: str = "") -> None:
+def _report(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions, has: str = "") -> None:
     """The designs that were searched on as a table, the advice as a sentence, and what the page ``has``; or JSON."""
     from tmca.evaluation.tables import markdown_table
 

@@ -118,9 +118,9 @@ class _Done:
 
     def lines(self) -> list[str]:
         """For people."""
-        told = self.report
-        figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in told["metrics"].items())
-        return [f"{told['estimate']}: {told['decoder']}, {self.estimate.attrs['seconds']:.1f} s", *figures]
+        report = self.report
+        figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in report["metrics"].items())
+        return [f"{report['estimate']}: {report['decoder']}, {self.estimate.attrs['seconds']:.1f} s", *figures]
 
 
 @dataclass(frozen=True)

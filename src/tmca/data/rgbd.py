@@ -66,8 +66,8 @@ def read_rgbd(path: str | Path, *, crop: tuple[int, int] | None = None, scale: i
     if scale is not None:
         size = values.shape[0] // scale, values.shape[1] // scale
         linear, values = area_average(linear, size).clip(0, 1), nearest(values, size)
-    told = scaled_lengths(loaded.about, scale)
-    about = {"name": told["name"], "source": str(path), **told, "encoding": "linear, decoded from sRGB"}
+    scaled = scaled_lengths(loaded.about, scale)
+    about = {"name": scaled["name"], "source": str(path), **scaled, "encoding": "linear, decoded from sRGB"}
     units = {**IRRADIANCE, "long_name": f"linear sRGB, {QUANTITY}"}
     rgb = xr.DataArray(np.ascontiguousarray(linear), dims=("colour", "y", "x"), attrs=units)
     variables = {"rgb": rgb, "depth": label_depth(values, path)}

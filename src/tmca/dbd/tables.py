@@ -57,9 +57,9 @@ def _decibels(gain: complex) -> float | None:
 
 def _separation_values(recovery: Recovery) -> dict[str, Any]:
     """Whether the joint separation condition holds, in any coordinate, and how near the points are."""
-    kept = joint_separation(recovery.sources)
-    values: dict[str, Any] = {"satisfied": any(one.satisfied for one in kept)}
-    for one in kept:
+    separation = joint_separation(recovery.sources)
+    values: dict[str, Any] = {"satisfied": any(one.satisfied for one in separation)}
+    for one in separation:
         number = finite(one.condition_number)
         values[one.axis] = {"least": finite(one.least), "needed": one.needed, "condition_number": number}
     return values

@@ -264,8 +264,8 @@ def with_waveforms(problem: Problem, waveforms: Mapping[str, Waveform]) -> Probl
     made = {
         name: waveform_source(name, one, pulses, frequencies, problem.units.delay_s) for name, one in waveforms.items()
     }
-    kept = [made.pop(one.name, one) for one in problem.sources]
-    return Problem(problem.y, (*kept, *made.values()), problem.sigma, units=problem.units)
+    known = [made.pop(one.name, one) for one in problem.sources]
+    return Problem(problem.y, (*known, *made.values()), problem.sigma, units=problem.units)
 
 
 def read_waveforms(given: str) -> dict[str, Waveform]:

@@ -341,7 +341,7 @@ class CameraEvaluation:
         """What the row of some measurements has beside what all rows have."""
         return {}
 
-    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+    def conclusions(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
         """What results have beside what all results have."""
         return {}
 

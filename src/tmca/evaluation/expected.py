@@ -115,9 +115,9 @@ def order(found: Mapping[str, Any], labels: Mapping[str, str]) -> list[dict[str,
     measured; its sign is such that 1 is the right order."""
     from scipy.stats import spearmanr
 
-    rows, told = [], found["predicted"]
-    for noise, decoder in dict.fromkeys((row["noise"], decoder) for row in told for decoder in row["measured"]):
-        own = [row for row in told if row["noise"] == noise and decoder in row["measured"]]
+    rows, own_rows = [], found["predicted"]
+    for noise, decoder in dict.fromkeys((row["noise"], decoder) for row in own_rows for decoder in row["measured"]):
+        own = [row for row in own_rows if row["noise"] == noise and decoder in row["measured"]]
         if len(own) < 3:
             continue
         row = {"noise": noise, "decoder": labels[decoder], "codes": len(own)}

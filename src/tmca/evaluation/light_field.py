@@ -181,7 +181,7 @@ class LightFieldEvaluation(CameraEvaluation):
             for (scene,), own in scenes
         }}  # fmt: skip
 
-    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+    def conclusions(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
         return {"geometry": {cell["scene"]: cell["error"] for cell in measured if "error" in cell}}
 
     def sections(self, found: Row, study: Study) -> Iterable[Section]:

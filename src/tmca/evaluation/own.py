@@ -251,7 +251,7 @@ def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
         if chosen.count(name) > 1:
             raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
     made = {name: _code(kind, _named(name)[1]) for name in chosen}
-    return {_told(own, made[name]): made[name] for name, own in _code_names(chosen).items()}
+    return {_shown_name(own, made[name]): made[name] for name, own in _code_names(chosen).items()}
 
 
 def _named(text: str) -> tuple[str, str]:
@@ -262,7 +262,7 @@ def _named(text: str) -> tuple[str, str]:
     )
 
 
-def _told(name: str, code: Settings) -> str:
+def _shown_name(name: str, code: Settings) -> str:
     """The name of codes in tables, which says of a file that it is a burst."""
     of_burst = "file" in code and BURST not in name and is_burst(code["file"])
     return f"{name} (burst)" if of_burst else name

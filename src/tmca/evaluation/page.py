@@ -69,7 +69,7 @@ def results(
         "budget": {"training": trainings, "decoding_seconds": float(sum(cell["seconds"] for cell in cells))},
         "searches": [_search(cell) for cell in measured if cell.get("step") == "search"],
         "rows": whole, **({"crop_rows": parts} if parts else {}),
-        **study.evaluation.told(study, measured, whole),
+        **study.evaluation.conclusions(study, measured, whole),
         "pictures": picture_names(study, [*names.values()]) if any(cell.get("estimate") for cell in cells) else {},
     }  # fmt: skip
 

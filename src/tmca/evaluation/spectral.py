@@ -125,7 +125,7 @@ class SpectralEvaluation(CameraEvaluation):
             )
         return {"expected": found}
 
-    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+    def conclusions(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
         checks = [cell for cell in measured if "expected" in cell]
         return {
             "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks]

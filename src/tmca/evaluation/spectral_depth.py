@@ -291,7 +291,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
     def row(self, cells: Sequence[Measured]) -> Row:
         return {"arrived": mean([cell["arrived"] for cell in cells])}
 
-    def told(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
+    def conclusions(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
         """See ``CameraEvaluation``: what is known of every code and noise before a test scene, means over seeds, beside
         what decoders made of it; the constant guess."""
         made: dict[tuple[str, str], Row] = {}

@@ -196,7 +196,7 @@ class Bench(Summary):
         with reporting(progress, f"capture {Path(out).name}") as report:
             capture(
                 self.folder, self._device(parts), out, gain=None, repeats=repeats, camera=self.camera,
-                bench=self.about | about, timeout=self.timeout, progress=_told(report),
+                bench=self.about | about, timeout=self.timeout, progress=_of_frames(report),
             )  # fmt: skip
         taken = joined(out, self.folder, self.camera)
         taken.notes |= {"scene": about.get("scene", "")}
@@ -254,7 +254,7 @@ class Bench(Summary):
             for place, step in enumerate(steps):
                 capture_step(
                     step, self.folder, self._device(), out, self.camera, asked, bench=self.about, timeout=self.timeout,
-                    progress=_told(report, place, 2 * len(steps)),
+                    progress=_of_frames(report, place, 2 * len(steps)),
                 )  # fmt: skip
             calibration = Calibration.empty(name or Path(out).name)
             for place, (part, measured) in enumerate(measure_all(out, calibration, StepSettings(curve=curve))):
@@ -273,8 +273,8 @@ class Bench(Summary):
         }
 
 
-def _told(report: Report | None, first: int = 0, parts: int = 1) -> Any:
-    """What frames are told to, the ``first`` of so many parts of the work."""
+def _of_frames(report: Report | None, first: int = 0, parts: int = 1) -> Any:
+    """What frames report to, the ``first`` of so many parts of the work."""
     if report is None:
         return None
     return lambda done, total, name: report((first + done / total) / parts, name)

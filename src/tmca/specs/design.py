@@ -29,8 +29,8 @@ class CodeSearchSpec(Spec):
     """Of codes whose gains differ by less than this share of the largest, or by less than 0.1 dB, those of the fewest
     slots are taken; 0: by less than 0.1 dB alone."""
     quick: bool = False
-    """A first look in under a minute: all searches take a quarter of the survey's effort, on tiles of 16 pixels, and end
-    some tenths of a dB lower."""
+    """A first look in under a minute: all searches take a quarter of the survey's effort, on tiles of 16 pixels, and
+    end some tenths of a dB lower."""
     seed: Seed = 0
     "Of random codes."
 

@@ -64,7 +64,7 @@ class Newest(Gallery):
         super().__init__(())
         self._changed, self._making = Condition(), Lock()
         self._shown: Shown | None = None
-        self._ended, self._told, self._asked = False, False, float("-inf")
+        self._ended, self._reported, self._asked = False, False, float("-inf")
 
     def show(self, newest: Shown) -> None:
         """Let browsers have a newer estimate."""
@@ -78,7 +78,7 @@ class Newest(Gallery):
             self._ended = True
             self._changed.notify_all()
             watched = time.monotonic() - self._asked < _LATELY
-            self._changed.wait_for(lambda: self._told, _MOMENT if watched else 0)
+            self._changed.wait_for(lambda: self._reported, _MOMENT if watched else 0)
 
     def about(self) -> dict[str, Any]:
         """What the page has to know first; no items before the first exposure."""
@@ -94,7 +94,7 @@ class Newest(Gallery):
             )
             self._asked = time.monotonic()
             newest, ended = self._shown, self._ended
-            self._told = ended
+            self._reported = ended
             self._changed.notify_all()
         return {"ended": ended, "exposure": -1} if newest is None else {"ended": ended, **status(newest)}
 

@@ -72,7 +72,7 @@ def capture(
         bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
         timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
             long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
-        progress: told (frames done, all, name).
+        progress: called with (frames done, all, name).
         finish: called when all frames are there, while other processes are still kept out of the folder.
 
     Raises:

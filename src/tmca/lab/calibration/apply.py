@@ -101,7 +101,16 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     Raises:
         DataError: digital numbers without dark and flat, a snapshot that is on these planes already, or see
             ``calibrated``.
+
+    Warns:
+        NotMeasured: a calibration that lacks steps of this camera.
     """
+    laid = _laid(snapshot, calibration)
+    _warn_of_missing(calibration, snapshot)
+    return laid
+
+
+def _laid(snapshot: Snapshot[Any], calibration: Calibration) -> Snapshot[Any]:
     if "calibration" in snapshot.notes:
         found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
         raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
@@ -130,7 +139,7 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
     taken = Snapshot.load(path)
     if calibration is not None:
         measured = load_calibration(calibration)
-        laid = calibrated_snapshot(taken, measured)
+        laid = _laid(taken, measured)
         _warn_of_missing(measured, taken)
         return laid
     if taken.notes.get("values") == RAW:

@@ -86,7 +86,7 @@ def capture_step(
         asked: how many frames and which light.
         bench: what frames depend on beside the export, as JSON values; kept with them.
         timeout: see `tmca.lab.acquisition.capture`.
-        progress: told (frames done, all, name).
+        progress: called with (frames done, all, name).
 
     Returns:
         The folder of the step.
@@ -105,7 +105,7 @@ def capture_step(
     shown, folder, loaded = ShownCodes(export, Path(out), asked), Path(out) / step, ""
     with in_use(Path(out)), calls_of(device, manifest, timeout) as calls:
         saturation = calls.of(lambda: number_of(device, "saturation"))
-        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_kept_with(step, shots[0], camera, asked)}
+        about = {"saturation": saturation, "gain": 1.0, **(bench or {}), **_notes(step, shots[0], camera, asked)}
         record = resumed(captured_so_far(folder, export), about, folder)
         for done, shot in enumerate(shots):
             if shot.name not in record["frames"]:
@@ -131,7 +131,7 @@ def _grey(values: Any, buckets: int) -> Any:
     return mean if buckets > 1 else mean[0]
 
 
-def _kept_with(step: str, shot: Shot, camera: Camera, asked: Asked) -> dict[str, Any]:
+def _notes(step: str, shot: Shot, camera: Camera, asked: Asked) -> dict[str, Any]:
     """What measuring a step has to know of its frames."""
     if step == "white":
         return {"reflectance": asked.reflectance}
