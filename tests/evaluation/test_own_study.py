@@ -276,6 +276,15 @@ def test_files_of_codes_may_be_given_names_and_say_that_they_are_a_burst(here):
         own_study(["mug.nc"], codes=["mine=burst-4.nc", "mine=two-bucket-4.nc"], decoders=["dagger"])
 
 
+@pytest.mark.parametrize(("repeated", "one_slot"), [(True, True), (False, False)])
+def test_codes_of_a_file_that_do_not_change_have_one_slot(here, repeated, one_slot):
+    codes = SpectralCamera(4, (20, 24), slots=1 if repeated else 3, period=4).codes
+    planes = [plane.tile().detach().expand(3, -1, -1) for plane in (codes.aperture, codes.shutter)]
+    write_codes("mine.nc", *planes, (4, 4))
+    study = own_study(["mug.nc"], codes=["cassi", "mine.nc"], decoders=["dagger"])
+    assert [code.one_slot for code in study.codes.values()] == [True, one_slot]
+
+
 def test_scenes_that_leave_none_to_learn_from_are_refused_where_a_prior_needs_them():
     rendered = sorted(evaluation_of("spectral").rendered()["train"])
     with pytest.raises(SettingError, match="scenes: found all rendered scenes that priors learn from"):

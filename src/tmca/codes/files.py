@@ -113,6 +113,11 @@ class CodesFile:
         alike = bool((shutter == shutter[:, :1, :1]).all())
         return self.buckets > 1 and alike and not bool((shutter == shutter[0]).all())
 
+    @property
+    def static(self) -> bool:
+        """Whether nothing changes within the exposure."""
+        return all(bool((plane == plane[:1]).all()) for plane in (self.aperture, self.shutter.flatten(0, -3)))
+
     def at(self, size: Sequence[int] | None) -> CodesFile:
         """The codes on a frame of (H, W) pixels; those of a whole frame of another size repeat."""
         rows, columns = (int(side) for side in self.aperture.shape[-2:])
@@ -179,9 +184,9 @@ def read_codes(path: str | Path) -> CodesFile:
     return CodesFile(aperture, shutter, tile_of(about.period or None), about.buckets)
 
 
-def is_burst(path: str | Path) -> bool:
-    """Whether a file has the codes of a burst; False of one that has no codes."""
+def codes_of_file(path: str | Path) -> CodesFile | None:
+    """The codes of a file, None of one that has none that can be read."""
     try:
-        return read_codes(path).burst
+        return read_codes(path)
     except DataError:
-        return False
+        return None

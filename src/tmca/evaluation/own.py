@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from tmca.applications import application_of
 from tmca.cameras import CAMERAS
 from tmca.codes import BURST
-from tmca.codes.files import is_burst
+from tmca.codes.files import codes_of_file
 from tmca.data import read_dataset
 from tmca.data.fitting import VISIBLE, usual_span
 from tmca.data.headers import view_size_of, wavelengths_of
@@ -264,8 +264,8 @@ def _named(text: str) -> tuple[str, str]:
 
 def _shown_name(name: str, code: Settings) -> str:
     """The name of codes in tables, which says of a file that it is a burst."""
-    of_burst = "file" in code and BURST not in name and is_burst(code["file"])
-    return f"{name} (burst)" if of_burst else name
+    stored = codes_of_file(code["file"]) if "file" in code and BURST not in name else None
+    return f"{name} (burst)" if stored and stored.burst else name
 
 
 def _code_names(chosen: Sequence[str]) -> dict[str, str]:

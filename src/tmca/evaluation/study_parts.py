@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from tmca.codes import BURST
-from tmca.codes.files import is_burst
+from tmca.codes.files import CodesFile, codes_of_file
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
@@ -100,14 +100,19 @@ class Code(Strict):
     @property
     def one_slot(self) -> bool:
         """Whether nothing changes within the exposure."""
-        searched = self.search.slots if self.search else None
-        return (searched or self.camera.get("slots")) == 1
+        searched, stored = self.search.slots if self.search else None, self._stored
+        return stored.static if stored else (searched or self.camera.get("slots")) == 1
 
     @property
     def burst(self) -> bool:
         """Whether they are frames one after the other, which multiplex nothing."""
-        of_file = self.file is not None and is_burst(self.file)
-        return of_file or BURST in (self.camera.get("shutter"), self.search and self.search.kind)
+        stored = self._stored
+        return stored.burst if stored else BURST in (self.camera.get("shutter"), self.search and self.search.kind)
+
+    @property
+    def _stored(self) -> CodesFile | None:
+        """Codes of the file, None without one."""
+        return codes_of_file(self.file) if self.file is not None else None
 
 
 class StudyNetwork(Strict):
