@@ -152,3 +152,26 @@ def test_an_estimate_says_which_prior_it_was_made_with(tmp_path):
     assert "prior: gaussian" in repr(estimate)
     file = prior.save(tmp_path / "p.nc")
     assert str(file) in tmca.reconstruct(snapshot, "lmmse", prior=file).notes["prior"]
+
+
+@pytest.mark.parametrize(("kind", "axes"), [
+    ("spectral", ("wavelength", "y", "x")), ("light-field", ("view_v", "view_u", "y", "x")),
+])  # fmt: skip
+def test_a_predicted_deviation_is_held_against_the_errors_in_memory_and_in_files(kind, axes, tmp_path):
+    draw = np.random.default_rng(3)
+    values = draw.random((3, 3, 12, 16)[4 - len(axes) :], dtype=np.float32)
+    sigma = draw.uniform(0.05, 0.2, values.shape).astype(np.float32)
+    waves = {"wavelength": [5e-7, 6e-7, 7e-7]} if kind == "spectral" else {}
+    truth = xr.DataArray(np.clip(values + sigma * draw.standard_normal(values.shape), 0, 1), waves, axes)
+    truth = truth.astype(np.float32)
+    known = {"estimate": (axes, values), "deviation": (axes, sigma)}
+    stored = xr.Dataset(known, waves, {"camera": kind, "decoder": "lmmse"})
+    stored.to_netcdf(tmp_path / "e.nc")
+    expected = np.mean(np.abs(values - truth.values) <= sigma)
+    assert tmca.evaluate(stored, truth)["coverage_1s"] == pytest.approx(expected)
+    assert tmca.evaluate(tmp_path / "e.nc", truth)["coverage_1s"] == pytest.approx(expected)
+    assert "coverage_1s" not in tmca.evaluate(stored[["estimate"]], truth)
+    with pytest.raises(DataError, match="below 0"):
+        tmca.evaluate(stored.assign(deviation=-stored["deviation"]), truth)
+    with pytest.raises(DataError, match="a deviation of float32 by y, x"):
+        tmca.evaluate(stored.assign(deviation=stored["deviation"][(0,) * (len(axes) - 2)]), truth)

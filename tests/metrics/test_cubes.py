@@ -12,6 +12,7 @@ import xarray
 from tmca.errors import SettingError, ShapeError
 from tmca.metrics import (
     all_metrics,
+    coverage_1s,
     dd,
     ergas,
     light_field_metrics,
@@ -230,3 +231,15 @@ def test_views_without_a_window_have_no_ssim():
     assert np.isnan(light_field_metrics(np.ones((1, 1, 4, 4)), np.zeros((1, 1, 4, 4)))["ssim"])
     with pytest.raises(ShapeError, match="V, U, H, W"):
         light_field_metrics(np.ones((4, 4, 4)), np.ones((4, 4, 4)))
+
+
+@pytest.mark.parametrize("wrong_by", [0.5, 1.0, 2.0])
+def test_normal_errors_lie_within_a_deviation_as_often_as_the_error_function_says(wrong_by):
+    draw = np.random.default_rng(5)
+    sigma = draw.uniform(0.1, 0.2, (5, 90, 91))
+    truth = draw.uniform(0, 1, sigma.shape)
+    estimate = truth + sigma * draw.standard_normal(sigma.shape)
+    expected = math.erf(wrong_by / math.sqrt(2))
+    assert coverage_1s(estimate, truth, wrong_by * sigma) == pytest.approx(expected, abs=0.01)
+    with pytest.raises(ShapeError, match="deviation"):
+        coverage_1s(estimate, truth, sigma[0])

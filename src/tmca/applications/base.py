@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from tmca.applications.demo import Demo
     from tmca.cameras import Camera, Snapshot
+    from tmca.data.formats.stored import Contents
 
     Scene = xr.DataArray | xr.Dataset
 
@@ -260,6 +261,14 @@ def application_of(camera: Camera | str) -> Application:
         load_cameras()
     check_choice("camera", kind, APPLICATIONS)
     return APPLICATIONS[kind]
+
+
+def has_deviation(contents: Contents) -> bool:
+    """Whether an open file has the predicted deviation of each value of its estimate."""
+    values, spread = (contents.arrays.get(name) for name in ("estimate", "deviation"))
+    if values is None or spread is None or not spread.numeric:
+        return False
+    return contents.labelled and (spread.dims, spread.shape) == (values.dims, values.shape)
 
 
 class _Reading(Attributes):

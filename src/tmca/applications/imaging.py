@@ -16,6 +16,7 @@ from torch import Tensor
 from tmca.applications.base import APPLICATIONS, Application, application_of, noted_reading
 from tmca.applications.moving import FRAMES, MOTION, frame_pairs, mean_of, moved_by
 from tmca.arguments import Pair, Seed, checked, described
+from tmca.attributes import REMEDY
 from tmca.cameras import Camera, Hardware, Snapshot, imperfect, load_cameras, moving_scenes
 from tmca.cameras.motion import check_displacement
 from tmca.data import describe
@@ -25,6 +26,7 @@ from tmca.data.scene_names import compare_scene
 from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
+from tmca.metrics import coverage_1s
 from tmca.progress import Asked, reporting
 from tmca.sensor import Sensor
 
@@ -186,6 +188,7 @@ def evaluation_of(
         application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
         parts = {"values": estimate.values.numpy(force=True)}
         parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
+        parts |= {} if estimate.deviation is None else {"deviation": estimate.deviation.numpy(force=True)}
     else:
         if not isinstance(estimate, str | Path):
             estimate = _as_dataset(estimate, truth)
@@ -210,14 +213,36 @@ def evaluation_of(
         scene = application.fitted(labelled, camera, str(labelled.attrs.get("name", "truth")))
     for name, light in ((where, _estimated(stored)), ("truth", _light(scene))):
         check_light(light, name, -inf)
+    _check_deviation(stored, where)
     warn_of_estimate(parts["values"], where)
     moved, count = moved_by(stored.attrs, where), _frames(stored, frames)
     if count is None:
-        metrics = application.metrics(parts, scene, camera)
+        metrics = _measured(application, parts, scene, camera)
     else:
         pairs = frame_pairs(stored, scene, moved, count)
-        metrics = mean_of([application.metrics(_parts(one), true, camera) for one, true in pairs])
+        metrics = mean_of([_measured(application, _parts(one), true, camera) for one, true in pairs])
     return Evaluation(application, camera, stored, scene, metrics)
+
+
+def _measured(application: Application, parts: Mapping[str, np.ndarray], scene: Any, camera: Any) -> dict[str, float]:
+    """Figures of merit of the camera, and of a predicted deviation the share of values within it."""
+    metrics, light = application.metrics(parts, scene, camera), np.asarray(_light(scene).values)
+    values, deviation = parts["values"], parts.get("deviation")
+    if deviation is None or values.size != light.size:
+        return metrics
+    return {**metrics, "coverage_1s": coverage_1s(values.ravel(), light.ravel(), deviation.ravel())}
+
+
+def _check_deviation(stored: xr.Dataset, where: str) -> None:
+    """Raises DataError for a deviation that is not one of every value."""
+    if "deviation" not in stored:
+        return
+    deviation, values = stored["deviation"], _estimated(stored)
+    if deviation.dims != values.dims or deviation.dtype.kind not in "fiu":
+        found = f"a deviation of {deviation.dtype} by {', '.join(map(str, deviation.dims))}"
+        raise DataError(where, found, f"numbers by {', '.join(map(str, values.dims))}, as the estimate", REMEDY)
+    if not (np.isfinite(deviation.values) & (deviation.values >= 0)).all():
+        raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
 
 
 def _as_dataset(estimate: Any, truth: Any) -> xr.Dataset:
@@ -292,4 +317,6 @@ def _parts(stored: xr.Dataset) -> dict[str, np.ndarray]:
     values = _estimated(stored)
     several = "colour" in values.sizes or "snapshot" in values.sizes
     parts = {"values": values.values if several else values.values[None]}
-    return parts | ({"depth": stored["depth"].values} if "depth" in stored else {})
+    parts |= {"depth": stored["depth"].values} if "depth" in stored else {}
+    spread = stored["deviation"].values if "deviation" in stored else None
+    return parts | ({} if spread is None else {"deviation": spread if several else spread[None]})

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from tmca.applications.base import Application, noted_reading
+from tmca.applications.base import Application, has_deviation, noted_reading
 from tmca.applications.camera_figures import rays_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.spectral import METRICS
@@ -166,8 +166,12 @@ class LightFieldApplication(Application):
                 raise light_fields.no_light_field(contents)
             divisor, colour = 1.0 if stored.dtype.kind == "f" else None, light_fields.has_colour(stored)
             views = light_fields.load_views(contents, stored, colour=colour, divide_by=divisor)
+            found = views.to_dataset(name="estimate")
+            if has_deviation(contents):
+                spread = contents.arrays["deviation"]
+                found["deviation"] = light_fields.load_views(contents, spread, colour=colour, divide_by=1.0)
             noted = {READING: contents.attrs[READING]} if READING in contents.attrs else {}
-        return views.to_dataset(name="estimate").assign_attrs(noted)
+        return found.assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
         camera, sizes = super().camera_of(stored, where), stored["estimate"].sizes

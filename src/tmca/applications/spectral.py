@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
-from tmca.applications.base import Application
+from tmca.applications.base import Application, has_deviation
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
 from tmca.applications.moving import FRAMES, MOTION
@@ -144,6 +144,7 @@ class SpectralApplication(Application):
         with open_contents(path) as contents:
             noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
             in_frames = "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims
+            spread = has_deviation(contents)
         if in_frames:
             return _with_wavelengths(super().stored(path), path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
@@ -155,7 +156,8 @@ class SpectralApplication(Application):
             cube = read(path, wavelengths=reading["wavelengths"], negative=negative)
         if cube.attrs.get("scale_from") == "maximum":  # an estimate may be above 1
             cube = cube * cube.attrs["scale"]
-        return cube.to_dataset(name="estimate").assign_attrs(noted)
+        stored = cube.to_dataset(name="estimate").assign_attrs(noted)
+        return stored.assign(deviation=read(path, variable="deviation", scale=1.0)) if spread else stored
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
         camera = super().camera_of(stored, where)

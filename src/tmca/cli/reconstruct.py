@@ -119,7 +119,10 @@ class _Done:
     def lines(self) -> list[str]:
         """For people."""
         report = self.report
-        figures = (f"  {name:8s} {value:.4g} {meaning(name)}".rstrip() for name, value in report["metrics"].items())
+        wide = max(map(len, report["metrics"]), default=0)
+        figures = (
+            f"  {name:{wide}s} {value:.4g} {meaning(name)}".rstrip() for name, value in report["metrics"].items()
+        )
         return [f"{report['estimate']}: {report['decoder']}, {self.estimate.attrs['seconds']:.1f} s", *figures]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from tmca.metrics.cubes import (
     all_metrics,
+    coverage_1s,
     dd,
     ergas,
     light_field_metrics,
@@ -25,6 +26,7 @@ __all__ = [
     "Merit",
     "all_in_focus",
     "all_metrics",
+    "coverage_1s",
     "dd",
     "depth_mae",
     "depth_rmse",

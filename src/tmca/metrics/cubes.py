@@ -205,6 +205,24 @@ def dd(estimate: Any, truth: Any, *, reduction: Reduction = "mean") -> Any:
     return reduced(np.mean(np.abs(x - y), axis=(1, 2, 3)), reduction)
 
 
+def coverage_1s(estimate: Any, truth: Any, deviation: Any) -> float:
+    """Share of values, in [0, 1], that lie at most one predicted standard deviation from the truth.
+
+    0.68 is expected of normal errors: less says that the deviation is too small, as it is where scenes differ from
+    those that the prior knows; more, that it is too large.
+
+    Args:
+        estimate, truth, deviation: of one shape, whichever it is.
+
+    Raises:
+        ShapeError: the shapes differ.
+    """
+    x, y, sigma = (as_float64(values) for values in (estimate, truth, deviation))
+    check_shape("estimate", x, y.shape, "crop, resample or transpose one of them: metrics never broadcast")
+    check_shape("deviation", sigma, y.shape)
+    return float(np.mean(np.abs(x - y) <= sigma))
+
+
 def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -> dict[str, float]:
     """``psnr`` over the whole light field (dB), ``ssim`` (mean over views), ``psnr_min`` and ``psnr_max`` of a view.
 

@@ -39,6 +39,7 @@ MERITS: dict[str, Merit] = {
     "sam": Merit("degrees", False, "spectral angle"),
     "ergas": Merit("%", False, "relative global error over all bands"),
     "dd": Merit("", False, "degree of distortion, the mean absolute error"),
+    "coverage_1s": Merit("", None, "share of values within ±1σ of the truth, 0.68 expected"),
     "disparity_mae": Merit("px per view step", False),
     "disparity_badpix": Merit("", False, "share of pixels"),
     "depth_mae": Merit("m", False),
