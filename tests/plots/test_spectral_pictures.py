@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tmca.errors import SettingError
 from tmca.plots import cube as cubes
 from tmca.plots import depth as depths
 from tmca.plots import linear_srgb, srgb_picture
@@ -128,3 +129,40 @@ def test_an_even_spectrum_is_white_and_a_long_one_red():
     assert picture.shape == (2, 2, 3)
     assert picture.min() >= 0
     assert picture.max() <= 1
+
+
+def test_spectra_of_an_estimate_have_a_band_of_one_deviation_at_the_pixels_that_are_asked_for():
+    cube, _ = scene()
+    spread = 0.01 + 0.02 * cube
+    figure = cubes.reconstruction_figure({"lmmse": cube + 0.01}, WAVELENGTHS, cube, {"lmmse": spread}, at=[(3, 20)])
+    panel = next(axis for axis in figure.axes if axis.get_title().startswith("spectra"))
+    assert panel.get_title().endswith("(3, 20)")
+    true, _ = panel.lines
+    np.testing.assert_array_equal(true.get_ydata(), cube[:, 3, 20])
+    (band,) = panel.collections
+    low, high = band.get_paths()[0].get_extents().get_points()[:, 1]
+    spectrum = cube[:, 3, 20] + 0.01
+    assert low == pytest.approx((spectrum - spread[:, 3, 20]).min())
+    assert high == pytest.approx((spectrum + spread[:, 3, 20]).max())
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["truth", "lmmse", "lmmse ±1 σ"]
+    figure.draw_without_rendering()
+    assert panel.bbox.width >= panel.bbox.height
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("size", [(24, 30), (60, 20)])
+def test_a_panel_of_spectra_is_at_least_as_wide_as_tall(count, size):
+    cube, _ = scene(size=size)
+    estimates = {f"estimate {number}": cube for number in range(count)}
+    figure = cubes.reconstruction_figure(estimates, WAVELENGTHS, cube + 0.1, dict.fromkeys(estimates, cube))
+    figure.draw_without_rendering()
+    panels = [axis for axis in figure.axes if axis.get_title().startswith("spectra")]
+    assert len(panels) == (1 if count < 3 else 3)
+    assert all(axis.bbox.width >= 0.999 * axis.bbox.height for axis in panels if count < 3)
+
+
+@pytest.mark.parametrize("at", [[], [(24, 0)], [(0, -1)], [(1, 1)] * 7, 5, [(1.5, 2)], [3]])
+def test_pixels_that_an_estimate_has_not_are_refused(at):
+    cube, _ = scene()
+    with pytest.raises(SettingError, match=r"at: found .*expected 1 to 6 pixels \(row, column\) within 24 × 30"):
+        cubes.reconstruction_figure({"lmmse": cube}, WAVELENGTHS, at=at)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -115,20 +115,22 @@ class Estimate(Summary):
 
         return write_dataset(self.to_xarray().assign(self.maps), path, overwrite=overwrite)
 
-    def plot(self, truth: Any = None) -> Figure:
+    def plot(self, truth: Any = None, at: Sequence[tuple[int, int]] | None = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
 
         Args:
             truth: the scene, its name or file, or an array as large as the estimate, brought to the camera's bands and
                 size beside it; of a dataset the first variable, or ``radiance`` and ``depth``.
+            at: pixels (row, column), such as ``[(20, 30)]``, of the spectra; some of different spectra without.
 
         Raises:
             DataError, ShapeError: a truth of another kind, or a smaller one.
+            SettingError: pixels outside the estimate, too many, or of an estimate without spectra.
         """
         from tmca.plots.estimates import estimate_figure
 
         limits = None if self.depth is None else (self.camera.planes.near, self.camera.planes.far)
-        return estimate_figure(self.to_xarray(), truth, limits)
+        return estimate_figure(self.to_xarray(), truth, limits, at)
 
     def view(self, truth: Any = None, **how: Any) -> Any:
         """Look at the estimate in a browser; arguments, result and errors as of `tmca.view`."""

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from math import isqrt
+from operator import index
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.errors import SettingError
 from tmca.metrics import psnr
 from tmca.plots.style import BLUE, RED, SMALL, TITLE, bright_level, evenly, grid, image, montage, plain_axes, rms
 
@@ -19,9 +23,10 @@ RGB_WAVELENGTHS = (650e-9, 550e-9, 480e-9)
 """Bands shown as red, green and blue, metres (thesis section 4.2)."""
 _SEEN_NM = ((570, 750), (480, 610), (380, 530))
 """Of what is shown as red, green and blue: what may pass for it."""
-_POINT_COLOURS = (RED, BLUE, "#edae49", "#66a182")
+_POINT_COLOURS = (RED, BLUE, "#edae49", "#66a182", "#8d6a9f", "#5b4a3a")
 _LOOKED_AT = 2**20
 _UNIT = "relative irradiance"
+_ERROR, _PREDICTED = "error (rms over bands)", "predicted error (1 σ)"
 _TOGETHER = 2
 """Estimates whose spectra still read well in one panel."""
 _COLUMNS, _BANDS, _POINTS, _LINES = 4, 6, 3, 5
@@ -161,25 +166,46 @@ def mark(axis: Axes, points: Sequence[tuple[int, int]]) -> None:
 
 
 def spectra(
-    axis: Axes, cubes: Mapping[str, np.ndarray], wavelengths: Sequence[float], points: Sequence[tuple[int, int]]
+    axis: Axes,
+    cubes: Mapping[str, np.ndarray],
+    wavelengths: Sequence[float],
+    points: Sequence[tuple[int, int]],
+    deviations: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Solid: the first cube (the truth); the others with dashes and dots."""
-    nanometres = np.asarray(wavelengths) * 1e9
+    """Solid: the first cube (the truth); the others with dashes and dots, and a band of ±1 σ where that is known."""
+    nanometres, bands = np.asarray(wavelengths) * 1e9, deviations or {}
     styles: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
     for style, (name, cube) in zip(styles, cubes.items(), strict=False):
-        for index, (row, column) in enumerate(points):
-            label = name if index == 0 and name else None
-            axis.plot(
-                nanometres,
-                cube[:, row, column],
-                linestyle=style,
-                color=_POINT_COLOURS[index],
-                label=label,
-                linewidth=1.4,
-            )
-    plain_axes(axis, "spectra at the points", "wavelength (nm)", "relative irradiance")
+        for colour, (row, column) in zip(_POINT_COLOURS, points, strict=False):
+            label = name if (row, column) == tuple(points[0]) and name else None
+            values = cube[:, row, column]
+            axis.plot(nanometres, values, linestyle=style, color=colour, label=label, linewidth=1.4)
+            if name in bands:
+                spread = bands[name][:, row, column]
+                band = f"{label} ±1 σ" if label else None
+                axis.fill_between(
+                    nanometres, values - spread, values + spread, color=colour, alpha=0.25, linewidth=0, label=band
+                )
+    plain_axes(axis, "spectra at the points", "wavelength (nm)", _UNIT)
     if any(cubes):
         axis.legend(fontsize=SMALL)
+
+
+def check_points(at: Any, size: tuple[int, int]) -> list[tuple[int, int]]:
+    """Pixels (row, column) whose spectra are drawn.
+
+    Raises:
+        SettingError: none or too many of them, something else, or a pixel outside ``size``.
+    """
+    expected = f"1 to {len(_POINT_COLOURS)} pixels (row, column) within {size[0]} × {size[1]}"
+    try:
+        points = [(index(row), index(column)) for row, column in at]
+    except (TypeError, ValueError):
+        raise SettingError("at", str(at), expected, "such as [(20, 30)]") from None
+    inside = all(0 <= row < size[0] and 0 <= column < size[1] for row, column in points)
+    if not (inside and 1 <= len(points) <= len(_POINT_COLOURS)):
+        raise SettingError("at", str(at), expected, "counted from 0")
+    return points
 
 
 def reconstruction_figure(
@@ -187,6 +213,7 @@ def reconstruction_figure(
     wavelengths: Sequence[float],
     truth: np.ndarray | None = None,
     deviations: Mapping[str, np.ndarray] | None = None,
+    at: Sequence[tuple[int, int]] | None = None,
 ) -> Figure:
     """Colour composites, error and uncertainty maps of one or more reconstructions, and spectral signatures at points:
     one panel for all of them, or one for each where they are more than two.
@@ -195,43 +222,118 @@ def reconstruction_figure(
         estimates: name → (L, H, W).
         wavelengths: (L,) metres.
         truth: (L, H, W), if it is known.
-        deviations: name → (L, H, W) predicted standard deviation.
+        deviations: name → (L, H, W) predicted standard deviation; the spectra have a band of ±1 σ.
+        at: pixels (row, column) of the spectra; some of different spectra without.
+
+    Raises:
+        SettingError: a pixel outside the picture, or too many.
     """
-    deviations = deviations or {}
+    known = {name: spread for name, spread in (deviations or {}).items() if name in estimates}
     reference = truth if truth is not None else next(iter(estimates.values()))
-    white, points = white_level(reference, wavelengths), sample_points(reference)
-    many = len(estimates) > _TOGETHER
-    rows = 1 + (truth is not None) + bool(deviations) + many
-    columns = len(estimates) + 1 + (rows == 1)
-    figure, axes = grid(rows, columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
-    image(axes[0, 0], rgb_composite(reference, wavelengths, white), "truth" if truth is not None else "points")
-    mark(axes[0, 0], points)
+    points = sample_points(reference) if at is None else check_points(at, (reference.shape[1], reference.shape[2]))
     errors = {} if truth is None else {name: rms(cube - truth) for name, cube in estimates.items()}
-    predicted = {name: rms(deviations[name]) for name in estimates if name in deviations}
-    maps = [values.ravel() for values in (*errors.values(), *predicted.values())]
-    look: dict[str, Any] = {"colours": "magma"}
-    look["top"] = float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))
-    true = {"truth": truth} if truth is not None else {}
-    for column, (name, cube) in zip(axes[:, 1:].T, estimates.items(), strict=False):
-        look["bar"] = _UNIT if name == list(estimates)[-1] else ""
-        image(column[0], rgb_composite(cube, wavelengths, white), captioned(name, cube, truth))
-        if name in errors:
-            image(column[1], errors[name], "error (rms over bands)", **look)
-        below = column[rows - 1 - many]
-        if name in predicted:
-            image(below, predicted[name], "predicted error (1 σ)", **look)
-        elif predicted:
+    drawn = _Reconstructions(estimates, wavelengths, truth, known, points, errors)
+    return drawn.of_one() if len(estimates) == 1 else drawn.of_several()
+
+
+@dataclass(frozen=True, eq=False)
+class _Reconstructions:
+    """What `reconstruction_figure` draws."""
+
+    estimates: Mapping[str, np.ndarray]
+    wavelengths: Sequence[float]
+    truth: np.ndarray | None
+    deviations: Mapping[str, np.ndarray]
+    points: Sequence[tuple[int, int]]
+    errors: Mapping[str, np.ndarray]
+
+    @cached_property
+    def reference(self) -> np.ndarray:
+        """What is drawn first, and gives the level of white."""
+        return next(iter(self.estimates.values())) if self.truth is None else self.truth
+
+    @cached_property
+    def real(self) -> dict[str, np.ndarray]:
+        """The truth by its name."""
+        return {} if self.truth is None else {"truth": self.truth}
+
+    @cached_property
+    def predicted(self) -> dict[str, np.ndarray]:
+        """Maps of the predicted errors."""
+        return {name: rms(values) for name, values in self.deviations.items()}
+
+    @cached_property
+    def look(self) -> dict[str, Any]:
+        """Of maps of errors, all on one scale."""
+        maps = [values.ravel() for values in (*self.errors.values(), *self.predicted.values())]
+        return {"colours": "magma", "top": float(np.quantile(np.concatenate(maps or [np.ones(1)]), 0.99))}
+
+    def composite(self, axis: Axes, cube: np.ndarray, title: str) -> None:
+        """Of a cube, as bright as the reference."""
+        white = white_level(self.reference, self.wavelengths)
+        image(axis, rgb_composite(cube, self.wavelengths, white), title)
+
+    def of_one(self) -> Figure:
+        """Pictures in two or three columns, and below them the spectra, as wide as all."""
+        ((name, cube),) = self.estimates.items()
+        count = len(self.real) + 1 + len(self.errors) + len(self.predicted)
+        columns = count if count < 4 else 2
+        rows = 1 + count // columns
+        aspect = cube.shape[1] / cube.shape[2]
+        figure, axes = grid(rows, columns, width=3.6, aspect=aspect)
+        places = iter(axes.flat)
+        if self.truth is not None:
+            self.composite(axis := next(places), self.truth, "truth")
+            mark(axis, self.points)
+        self.composite(axis := next(places), cube, captioned(name, cube, self.truth))
+        mark(axis, self.points)
+        maps = {_ERROR: self.errors.get(name), _PREDICTED: self.predicted.get(name)}
+        drawn = {title: values for title, values in maps.items() if values is not None}
+        for title, values in drawn.items():
+            image(next(places), values, title, **self.look, bar=_UNIT if title == list(drawn)[-1] else "")
+        panel = _joined(figure, axes[-1])
+        spectra(panel, {**self.real, name: cube}, self.wavelengths, self.points, self.deviations)
+        panel.set_title("spectra at (row, column) " + ", ".join(map(str, self.points)), fontsize=TITLE)
+        panel.set_box_aspect(min(1.0, aspect / columns, 0.6))
+        return figure
+
+    def of_several(self) -> Figure:
+        """A column for each beside that of the truth."""
+        many = len(self.estimates) > _TOGETHER
+        rows = 1 + bool(self.errors) + bool(self.predicted) + many
+        columns = len(self.estimates) + 1 + (rows == 1)
+        figure, axes = grid(rows, columns, width=3.6, aspect=self.reference.shape[1] / self.reference.shape[2])
+        self.composite(axes[0, 0], self.reference, "truth" if self.real else "points")
+        mark(axes[0, 0], self.points)
+        for column, name in zip(axes[:, 1:].T, self.estimates, strict=False):
+            self._column(column, name, many)
+        if not many:
+            panel = _joined(figure, axes[1:, 0]) if rows > 1 else axes[0, -1]
+            spectra(panel, {**self.real, **self.estimates}, self.wavelengths, self.points, self.deviations)
+            panel.set_box_aspect(min(1.0, self.reference.shape[1] / self.reference.shape[2]))
+        return figure
+
+    def _column(self, column: np.ndarray, name: str, many: bool) -> None:
+        """Of an estimate: its colours, its errors, and among many its spectra."""
+        cube = self.estimates[name]
+        self.composite(column[0], cube, captioned(name, cube, self.truth))
+        look = {**self.look, "bar": _UNIT if name == list(self.estimates)[-1] else ""}
+        if name in self.errors:
+            image(column[1], self.errors[name], _ERROR, **look)
+        below = column[-2 if many else -1]
+        if name in self.predicted:
+            image(below, self.predicted[name], _PREDICTED, **look)
+        elif self.predicted:
             below.text(0.5, 0.5, "no error predicted", ha="center", va="center", color="#777777")
         if many:
-            spectra(column[-1], {**true, "estimate": cube}, wavelengths, points)
-    if not many:
-        spectra(_tall(figure, axes[1:, 0]) if rows > 1 else axes[0, -1], {**true, **estimates}, wavelengths, points)
-    return figure
+            own = {"estimate": self.deviations[name]} if name in self.deviations else {}
+            spectra(column[-1], {**self.real, "estimate": cube}, self.wavelengths, self.points, own)
 
 
-def _tall(figure: Figure, axes: np.ndarray) -> Axes:
-    """One axis in the place of several that stand above each other."""
-    place = axes[0].get_gridspec()[1 : 1 + len(axes), 0]
+def _joined(figure: Figure, axes: np.ndarray) -> Axes:
+    """One axis in the place of several in a row or a column."""
+    first, last = (axis.get_subplotspec() for axis in (axes[0], axes[-1]))
+    place = first.get_gridspec()[first.rowspan.start : last.rowspan.stop, first.colspan.start : last.colspan.stop]
     for axis in axes:
         axis.remove()
     return figure.add_subplot(place)

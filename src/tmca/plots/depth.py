@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.cube import captioned, mark, note_false_colour, rgb_composite, sample_points, spectra, white_level
+from tmca.plots.cube import (
+    captioned,
+    check_points,
+    mark,
+    note_false_colour,
+    rgb_composite,
+    sample_points,
+    spectra,
+    white_level,
+)
 from tmca.plots.style import GREY, blank_figure, grid, image, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -64,6 +73,7 @@ def depth_figure(
     wavelengths: Sequence[float],
     limits: Limits,
     truth: Pair | None = None,
+    at: Sequence[tuple[int, int]] | None = None,
 ) -> Figure:
     """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own.
 
@@ -74,9 +84,14 @@ def depth_figure(
         wavelengths: (L,) metres.
         limits: near and far end of the colours, metres.
         truth: cube and depth.
+        at: pixels (row, column) of the spectra; some of different spectra without.
+
+    Raises:
+        SettingError: a pixel outside the picture, or too many.
     """
     reference = estimate[0] if truth is None else truth[0]
-    white, points = white_level(reference, wavelengths), sample_points(reference)
+    white = white_level(reference, wavelengths)
+    points = sample_points(reference) if at is None else check_points(at, (reference.shape[1], reference.shape[2]))
     rows = [] if truth is None else [("truth", *truth)]
     rows.append((name, *estimate))
     figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])

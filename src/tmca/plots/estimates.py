@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ from tmca.data.fitting import METRES, fit_cube, fit_depth_scene, fit_views
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.scene_names import READING
 from tmca.data.scenes import load_scene
-from tmca.errors import check_shape
+from tmca.errors import SettingError, check_shape
 from tmca.plots.cube import note_false_colour, reconstruction_figure, rgb_composite
 from tmca.plots.depth import depth_figure
 from tmca.plots.light_field import light_field_figure
@@ -25,9 +26,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     Scene = xr.DataArray | xr.Dataset
+    Points = Sequence[tuple[int, int]] | None
 
 
-def estimate_figure(estimate: xr.Dataset, truth: Any = None, limits: tuple[float, float] | None = None) -> Figure:
+def estimate_figure(
+    estimate: xr.Dataset,
+    truth: Any = None,
+    limits: tuple[float, float] | None = None,
+    at: Sequence[tuple[int, int]] | None = None,
+) -> Figure:
     """Composites or views, depth if any, errors and predicted deviation, spectra; of other axes their mean.
 
     Args:
@@ -35,21 +42,26 @@ def estimate_figure(estimate: xr.Dataset, truth: Any = None, limits: tuple[float
         truth: the scene, brought to the estimate's bands and size, or the name or file of one, or an array as large as
             the estimate; of a dataset the first variable, or ``radiance`` and ``depth``.
         limits: nearest and farthest depth, metres, of an estimate with depth.
+        at: pixels (row, column) whose spectra are drawn; some of different spectra without.
 
     Raises:
         DataError: a truth of another kind, or a smaller one.
+        SettingError: pixels outside the estimate, or of one that has no spectra.
     """
     first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
     whole: Any = _read(str(truth), first, limits) if isinstance(truth, str | Path) else truth
     if limits is not None:
-        return _with_depth(first, whole, limits)
+        return _with_depth(first, whole, limits, at)
     if whole is not None and not hasattr(whole, "dims"):
         check_shape("truth", whole, (..., *first["estimate"].shape))
         whole = first["estimate"].copy(data=np.asarray(whole).reshape(first["estimate"].shape))
     scene = next(iter(whole.data_vars.values())) if hasattr(whole, "data_vars") else whole
     axes = first["estimate"].dims
-    draw = _cube if "wavelength" in axes else _views if "view_v" in axes else _other
-    return draw(first, scene)
+    if "wavelength" in axes:
+        return _cube(first, scene, at)
+    if at is not None:
+        raise SettingError("at", str(at), "none: this estimate has no spectra", "leave it out")
+    return (_views if "view_v" in axes else _other)(first, scene)
 
 
 def estimate_thumbnail(estimate: xr.Dataset) -> Figure:
@@ -101,13 +113,13 @@ def _size(values: xr.DataArray) -> tuple[int, int]:
     return values.sizes["y"], values.sizes["x"]
 
 
-def _cube(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
+def _cube(estimate: xr.Dataset, truth: xr.DataArray | None, at: Points) -> Figure:
     name, values = str(estimate.attrs["decoder"]), estimate["estimate"]
     waves = values["wavelength"].values.tolist()
     scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
     shown = values.mean("slot") if "slot" in values.dims else values
-    deviations = {name: estimate["deviation"].values} if "deviation" in estimate else {}
-    return note_false_colour(reconstruction_figure({name: shown.values}, waves, scene, deviations), waves)
+    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+    return note_false_colour(reconstruction_figure({name: shown.values}, waves, scene, spread, at), waves)
 
 
 def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
@@ -117,13 +129,13 @@ def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
     return light_field_figure({str(estimate.attrs["decoder"]): values.values}, scene)
 
 
-def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, float]) -> Figure:
+def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, float], at: Points) -> Figure:
     cube, name = estimate["radiance"], str(estimate.attrs["decoder"])
     waves, pair = cube["wavelength"].values.tolist(), (cube.values, estimate["depth"].values)
     how: dict[str, Any] = {"where": "truth", "mapped": METRES not in estimate.attrs}
     scene = None if truth is None else fit_depth_scene(truth, waves, _size(cube), *limits, **how)  # type: ignore[arg-type]
     real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
-    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real)
+    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real, at)
 
 
 def _other(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
