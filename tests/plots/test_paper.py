@@ -57,7 +57,9 @@ def test_texts_are_legible_and_keep_clear_of_each_other(codes, decoders, width):
     assert [(a, b) for (a, one), (b, other) in combinations(shrunk, 2) if one.overlaps(other)] == []
 
 
-@pytest.mark.parametrize(("codes", "decoders", "left_out"), [(3, 3, ""), (3, 5, "Error maps"), (3, 9, "first 6 dec")])
+@pytest.mark.parametrize(
+    ("codes", "decoders", "left_out"), [(3, 3, ""), (3, 5, ""), (3, 9, "Error maps"), (7, 9, "rows alone")]
+)
 def test_a_figure_with_many_decoders_fits_a_page_and_says_what_it_leaves_out(codes, decoders, left_out):
     figure = side_by_side({name: cube(7, (24, 24)) for name in cubes(codes, decoders)}, cube(99, (24, 24))["estimate"])
     assert figure.get_figwidth() * 25.4 == pytest.approx(PAGE)
@@ -126,3 +128,25 @@ def test_every_picture_stands_in_a_place_of_its_own():
     figure = paper_figure(_cubes({(str(n), "x"): np.ones((5, 8, 8)) for n in range(8)}, None, WAVES.tolist()))
     boxes = [axis.get_position() for axis in figure.axes]
     assert not any(one.padded(-1e-6).overlaps(other.padded(-1e-6)) for one, other in combinations(boxes, 2))
+
+
+def test_one_bad_decoder_does_not_make_the_errors_of_the_others_black():
+    truth = cube(99)["estimate"]
+    levels = {"good": 0.02, "fair": 0.03, "bad": 40.0}
+    some = {("code", name): (truth + level).to_dataset(name="estimate") for name, level in levels.items()}
+    figure = side_by_side(some, truth)
+    (scale,) = [one for one in texts(figure) if one[0].get_text().startswith("error")]
+    assert " ".join(scale[0].get_text().split()) == "error, rms, up to 3 × the best"
+    maps = [axis.images[0] for axis in figure.axes if axis.images and axis.images[0].get_clim()[1] < 0.9]
+    assert [one.get_clim()[1] for one in maps] == pytest.approx(3 * [0.06], rel=1e-5)
+    some.pop(("code", "bad"))
+    assert [one.get_text() for one, _ in texts(side_by_side(some, truth))].count("error, rms") == 1
+
+
+def test_many_decoders_of_few_codes_stand_beside_each_other():
+    truth = cube(99)["estimate"]
+    written = texts(side_by_side(cubes(1, 3), truth))
+    heads = [box.x0 for one, box in written if one.get_text().replace("\n", " ").startswith("decoder")]
+    assert len(heads) == 3
+    assert heads == sorted(set(heads))
+    assert side_by_side(cubes(1, 3), truth).get_figheight() < side_by_side(cubes(3, 3), truth).get_figheight()

@@ -64,8 +64,8 @@ def _drawn(study: Study, found: Row) -> list[tuple[str, str]]:
 
 
 def scene_figure(study: Study, cells: Sequence[Measured], names: Sequence[tuple[str, str]] = ()) -> Figure:
-    """Estimates of a scene side by side: a column for every code, a row for every decoder; of ``names``, codes and
-    labels of decoders, those without an estimate are said to have failed."""
+    """Estimates of a scene side by side: a column for every code and a row for every decoder, or turned where there are
+    more decoders; of ``names``, codes and labels of decoders, those without an estimate are said to have failed."""
     from tmca.plots.side_by_side import side_by_side
 
     labels = study.decoder_labels

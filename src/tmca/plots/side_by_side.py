@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,8 @@ _ERRORS = ("error", "off")
 _POINTS = 3
 _SLICE = 0.22
 """Height of an epipolar picture as a share of its width."""
+_TIMES_BEST = 3
+"""End of the scale of errors, at most, in those of the best estimate."""
 _AVERAGED = ("frame", "slot")
 """Axes of time, over which an estimate is shown as its mean."""
 
@@ -42,17 +44,26 @@ def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None, names:
         names: all that have a place, in their order; in the places of those without an estimate stands that it failed.
 
     Returns:
-        A figure that fits a page; its label says what was left out for that: error maps, then the last rows.
+        A figure that fits a page; its label says what was left out for that: error maps, then the last rows. Where
+        there are more rows than columns, they change places: a page is filled, and not a strip beside the truth.
     """
     panels, said = replace(_panels(estimates, truth), names=names), ""
+    if len(panels.rows) > len(panels.columns):
+        panels = _turned(panels)
     if not fits_a_page(panels):
         panels, said = _without_errors(panels), "Error maps are left out, so that the figure fits a page."
     while not fits_a_page(panels) and any(row != panels.rows[-1] for _, row in panels.estimates):
         panels = _without_last(panels)
-        said = f"So that the figure fits a page, it has no error maps, and the first {len(panels.rows)} decoders alone."
+        said = f"So that the figure fits a page, it has no error maps, and the first {len(panels.rows)} rows alone."
     figure = paper_figure(panels)
     figure.set_label(said)
     return figure
+
+
+def _turned(panels: Panels) -> Panels:
+    """Columns as rows, and rows as columns."""
+    turned = {(row, column): pictures for (column, row), pictures in panels.estimates.items()}
+    return replace(panels, estimates=turned, names=[(row, column) for column, row in panels.names])
 
 
 def _without_errors(panels: Panels) -> Panels:
@@ -177,7 +188,7 @@ def _with_depth(estimates: Mapping[Name, xr.Dataset], truth: Any, about: Mapping
     panels, ends = _cubes(cubes, cube, waves), _ends(depths, depth, about)
     off = {} if depth is None else {name: np.abs(one - depth) for name, one in depths.items()}
     scales = {"depth": Scale("depth (m)", "turbo_r", *ends)}
-    scales |= {"off": Scale("depth error (m)", "magma", 0.0, error_top([*off.values()]))} if off else {}
+    scales |= {"off": _error_scale("depth error (m)", [*off.values()], error_top)} if off else {}
     drawn = {
         name: [pictures[0], Picture(depths[name], "depth", f"{np.nanmean(off[name]):.3f} m off" if off else ""),
                *([Picture(off[name], "off")] if off else [])]
@@ -232,8 +243,19 @@ class _Errors:
         return [Picture(self.errors[name], "error")] if self.errors else []
 
     def scales(self) -> dict[str, Scale]:
-        """Theirs: 99 of a hundred pixels lie below its end."""
-        if not self.errors:
-            return {}
-        top = float(np.quantile(np.concatenate([one.ravel() for one in self.errors.values()]), 0.99)) or 1.0
-        return {"error": Scale("error, rms", "magma", 0.0, top)}
+        """Theirs: 99 of a hundred pixels lie below its end, see `_error_scale`."""
+        return {"error": _error_scale("error, rms", [*self.errors.values()], _most)} if self.errors else {}
+
+
+def _error_scale(label: str, maps: Sequence[np.ndarray], end: Callable[[Sequence[np.ndarray]], float]) -> Scale:
+    """Of maps of errors: up to where most of all lie, but at most a few times as far as most of the best map lie, so
+    that one that failed does not make the others black; the label then says so."""
+    whole, best = end(maps), min(end([one]) for one in maps)
+    if whole <= _TIMES_BEST * best:
+        return Scale(label, "magma", 0.0, whole)
+    return Scale(f"{label}, up to {_TIMES_BEST} × the best", "magma", 0.0, _TIMES_BEST * best)
+
+
+def _most(maps: Sequence[np.ndarray]) -> float:
+    """What 99 of a hundred pixels lie below."""
+    return float(np.quantile(np.concatenate([one.ravel() for one in maps]), 0.99)) or 1.0
