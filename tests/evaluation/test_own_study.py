@@ -22,7 +22,7 @@ from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.page import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
-from tmca.evaluation.tables import made_by
+from tmca.evaluation.tables import latex_table, made_by
 from tmca.lab.decoder_files import decoders_named
 
 DECODERS = """
@@ -80,7 +80,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
     levels = [[(row["code"], row["psnr"]) for row in one["rows"]] for one in (found, same)]
     assert levels[0] == levels[1]
     written = {file.name for file in (here / "mug-study").iterdir()}
-    assert written == {"cells", *(f"mug.{end}" for end in ("json", "csv", "md", "html", "pdf", "png"))}
+    assert written == {"cells", *(f"mug.{end}" for end in ("json", "csv", "md", "tex", "html", "pdf", "png"))}
     assert "mug.json" in refused(capsys, "study", "mug.nc", "--codes", "cassi", "--decoders", "dagger")
     assert (here / "mug-study" / "mug.pdf").read_bytes().startswith(b"%PDF")
     assert (here / "mug-study" / "mug.md").read_text().startswith("# mug: codes and decoders\n")
@@ -88,6 +88,13 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert "UIQI: universal image quality index, at most 1, higher is better" in page
     assert "the best code of several slots over the best of one slot" in page
     assert "without a test scene" not in page
+    assert "2 codes and 1 decoder of a spectral camera" in page
+    assert page.count("<th>UIQI</th>") == 2  # the table, and gains
+    assert "seed by seed" not in page
+    assert "searched codes" not in page
+    written = (here / "mug-study" / "mug.tex").read_text()
+    assert written.count(r"\\") == 3
+    assert "two-bucket & least norm & " in written
 
 
 @pytest.mark.parametrize(("command", "commit", "told"), [
@@ -349,3 +356,12 @@ def test_a_snapshot_of_such_a_cube_takes_the_range_that_it_covers(here, capsys):
     main(["simulate", "spectral", "nir.nc", "--bands", "4", "--slots", "2", "--no-figures", "--out", "s.nc"])
     assert "bands from 700 to 1000 nm, which nir.nc covers" in capsys.readouterr().err
     assert (read_dataset("s.nc", ())["wavelength"].values * 1e9).tolist() == pytest.approx([700, 800, 900, 1000])
+
+
+def test_a_table_for_latex_has_a_cell_for_every_entry_and_no_sign_that_latex_reads_otherwise():
+    rows = [{"code": "a_b & 50 % {x}", "gain": -1.25}, {"code": r"c\d", "gain": None}]
+    said = latex_table(rows, [("code", "code", ""), ("gain", "SAM (°)", "+.2f")])
+    assert r"\begin{tabular}{lr}" in said
+    assert r"code & SAM ($^\circ$) \\" in said
+    assert r"a\_b \& 50 \% \{x\} & $-$1.25 \\" in said
+    assert r"c\textbackslash{}d &  \\" in said

@@ -92,7 +92,7 @@ def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool
     if page:
         say(found, json, (out / f"{asked.name}.md").read_text().rstrip(), markdown=markdown)
         return
-    names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md and .json"
+    names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md, .tex and .json"
     open_first = f"open {out / asked.name}.html; beside it {names}"
     say(found, json, markdown_table(*summary(asked, found)), open_first, markdown=markdown)
 

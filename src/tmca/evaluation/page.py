@@ -119,7 +119,8 @@ def markdown(found: Row) -> str:
     lines = [
         f"# {page_title(study)}", "", made_by(found), "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
-        "all rows. Means over scenes of means over seeds, then scene by scene.", "",
+        "all rows. Means over scenes of means over seeds, then scene by scene. Light is the share of a white scene's "
+        "light that passes mask and shutter.", "",
         *(line for text in about for line in (filled(text, words), "")),
     ]  # fmt: skip
     for section in sections(found, study):
@@ -177,7 +178,7 @@ def sections(found: Row, study: Study) -> Iterator[Section]:
         {"code": code, "noise": noise, **means(_numbers(one) for one in own)}
         for (code, noise), own in grouped(found["searches"], "code", "noise").items()
     ]
-    if searches:
+    if {name for name, *_ in _there(SEARCHES, searches)} - {"code", "noise", "seconds"}:
         text = "Before anything is captured, means over seeds."
         yield Section("What was expected of searched codes", [text], searches, _there(SEARCHES, searches))
     yield from study.evaluation.sections(found, study)
@@ -188,8 +189,10 @@ def _numbers(row: Row) -> dict[str, float]:
 
 
 def _there(columns: Iterable[Column], rows: Sequence[Row]) -> list[Column]:
-    """Columns that some row has."""
-    return [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
+    """Columns that some row has; seeds and scenes one by one where some row has several."""
+    there = [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
+    alone = {name for name in ("seeds", "scenes") if not any(", " in str(row.get(name, "")) for row in rows)}
+    return [column for column in there if column[0] not in alone]
 
 
 def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
@@ -198,10 +201,12 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
     heading, spec = next((heading, spec) for name, heading, spec in evaluation.columns if name == metric)
     columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED, *evaluation.columns]
     scenes = dict.fromkeys(scene for row in rows for scene in row["scenes"])
-    columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in scenes]
+    each = scenes if len(scenes) > 1 else ()
+    columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in each]
     columns += [("throughput", "light", ".1%"), ("arrived", "in the window", ".1%")]
     columns += [("seconds", "seconds a scene", ".1f"), ("seeds", f"{heading} seed by seed", "")]
-    columns += [("training_cpu_minutes", "training (CPU min)", ".1f")]
+    if any(row["training_cpu_minutes"] for row in rows):
+        columns += [("training_cpu_minutes", "training (CPU min)", ".1f")]
     noises = [("noise", "noise", "")] if len({row["noise"] for row in rows}) > 1 else []
     shown = [
         {**row, **{f"{metric} {scene}": values[metric] for scene, values in row["scenes"].items()},

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.applications.report import Section, write_report
-from tmca.data import read_dataset
+from tmca.data import read_dataset, write_text
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.page import page_title, sections, slug
 from tmca.evaluation.study import Study
-from tmca.evaluation.tables import MEASURED, Column, Row, grouped
+from tmca.evaluation.tables import MEASURED, Column, Row, grouped, latex_table, not_meaningful
 from tmca.metrics import meaning
 
 if TYPE_CHECKING:
@@ -23,6 +23,10 @@ _SPECTRA = (
     "Spectra are those of the points that are numbered in the truth, for each code those of its decoder with the "
     "highest PSNR, which the legend names where there are several."
 )
+_LIGHT = (
+    "Light is the share of a white scene's light that passes mask and shutter: a mask that is half open takes half, "
+    "also where two buckets keep all that the shutter would lose."
+)
 _DRAWN = 8
 """Most scenes of a page that are drawn in it."""
 
@@ -32,7 +36,8 @@ def paper_files(study: Study, scenes: Sequence[str]) -> list[str]:
     if not study.figure:
         return []
     return [f"{stem}{suffix}" for stem in _stems(study, scenes).values() for suffix in (".pdf", ".png")] + [
-        f"{study.name}.html"
+        f"{study.name}.html",
+        f"{study.name}.tex",
     ]
 
 
@@ -53,6 +58,7 @@ def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Pat
         figures[scene] = figure = scene_figure(study, cells, _drawn(study, found))
         for suffix in (".pdf", ".png"):
             save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
+    write_text(latex_table(*summary(study, found)), out / f"{study.name}.tex", overwrite=overwrite)
     write_report(out / f"{study.name}.html", page_title(study), _page(study, found, figures), overwrite=overwrite)
 
 
@@ -86,7 +92,9 @@ def summary(study: Study, found: Row) -> tuple[list[Row], list[Column]]:
 def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]:
     """What was compared, the table, the figures, and all the tables."""
     rows, columns = summary(study, found)
-    made = [Section("Results", [*_about(study, found), *_in_words(columns)], rows, columns)]
+    more = [one for one in sections(found, study) if not _repeats(one, rows, columns)]
+    known = [*_about(study, found), *_in_words(columns), *not_meaningful(rows)]
+    made = [Section("Results", known, rows, columns)]
     for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
         figure.set_dpi(_MORE if place else _READ)
         under = f" under {study.shown_noise}" if len(study.noises) > 1 else ""
@@ -94,7 +102,14 @@ def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]
         said += [_SPECTRA] if any("wavelength" in axis.get_xlabel() for axis in figure.axes) else []
         said += [str(figure.get_label())] if figure.get_label() else []
         made.append(Section(f"Side by side: {scene}", said, figures={f"Truth and estimates of {scene}": figure}))
-    return [*made, *sections(found, study), *_how(found)]
+    return [*made, *more, *_how(found)]
+
+
+def _repeats(section: Section, rows: Sequence[Row], columns: Sequence[Column]) -> bool:
+    """Whether a section has no more than the first table."""
+    own = [(row.get("code"), row.get("decoder"), row.get("noise")) for row in section.table]
+    same = own == [(row["code"], row["decoder"], row["noise"]) for row in rows]
+    return same and {name for name, *_ in section.columns} <= {name for name, *_ in columns}
 
 
 def _about(study: Study, found: Row) -> list[str]:
@@ -105,17 +120,21 @@ def _about(study: Study, found: Row) -> list[str]:
     span = study.reading.get("range")
     bands = f" Bands from {span[0] * 1e9:g} to {span[1] * 1e9:g} nm." if span else ""
     return [
-        f"{len(study.codes)} codes and {len(study.decoders)} decoders of a {study.camera} camera on "
+        f"{_counted(study.codes, 'code')} and {_counted(study.decoders, 'decoder')} of a {study.camera} camera on "
         f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",
         f"Sensor: {noises}. Priors learn from {learned}, never from a measured scene.",
     ]
+
+
+def _counted(things: Collection[str], name: str) -> str:
+    return f"{len(things)} {name}{'s'[: len(things) != 1]}"
 
 
 def _in_words(columns: Sequence[Column]) -> list[str]:
     """What the figures of merit are."""
     known = [(heading.partition(" (")[0], meaning(name)) for name, heading, _ in columns]
     said = "; ".join(f"{heading}: {words}" for heading, words in known if words)
-    return [f"{said}. Light is the share of a white scene's light that is recorded."] if said else []
+    return [f"{said}. {_LIGHT}"] if said else []
 
 
 def _said(sensor: dict[str, Any]) -> str:

@@ -172,6 +172,11 @@ def training_rows(measured: Iterable[Measured]) -> list[Row]:
     ]  # fmt: skip
 
 
+_LATEX = str.maketrans(
+    {**{sign: f"\\{sign}" for sign in "&%$#_{}"}, "\\": r"\textbackslash{}", "~": r"\textasciitilde{}",
+     "^": r"\textasciicircum{}", "°": r"$^\circ$", "×": r"$\times$", "σ": r"$\sigma$", "−": "$-$"}
+)  # fmt: skip
+"""What LaTeX takes for something else, as it prints it."""
 MEASURED: Column = ("measured", "measured", "")
 """Of a row that lacks cells: of which scenes, or of how many cells, it is the mean."""
 
@@ -243,6 +248,22 @@ def markdown_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
         values = [(row.get(key), spec) for key, _, spec in columns]
         lines.append("| " + " | ".join("" if _missing(value) else format(value, spec) for value, spec in values) + " |")
     return "\n".join(lines) + "\n"
+
+
+def latex_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
+    """Rows as a LaTeX table for the package booktabs, numbers at the right; arguments as of `markdown_table`."""
+
+    def line(texts: Iterable[str]) -> str:
+        return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"
+
+    def entry(value: Any, spec: str) -> str:
+        text = "" if _missing(value) else format(value, spec)
+        return text.replace("-", "−") if spec else text
+
+    values = [[entry(row.get(key), spec) for key, _, spec in columns] for row in rows]
+    sides = "".join("r" if spec else "l" for *_, spec in columns)
+    body = [rf"\begin{{tabular}}{{{sides}}}", r"\toprule", line(heading for _, heading, _ in columns), r"\midrule"]
+    return "\n".join(["% \\usepackage{booktabs}", *body, *map(line, values), r"\bottomrule", r"\end{tabular}", ""])
 
 
 def not_meaningful(rows: Iterable[Row]) -> list[str]:
