@@ -101,4 +101,4 @@ print(estimate.save("cassi_estimate.nc", overwrite=True))
 # - [Does multiplexing pay on my sensor?](2-does-multiplexing-pay.py): the same scene through cameras that change their
 #   mask within the exposure.
 # - [The spectral camera](../spectral.md): its model, units and files.
-# - `tmca view cassi_estimate.nc coffee` shows both in a browser.
+# - `tmca view cassi_estimate.nc --truth coffee` shows both in a browser.

@@ -94,7 +94,7 @@ def test_a_span_is_never_empty():
 def test_the_deviation_of_an_estimate_is_a_layer(opened):
     parts = {name: (("wavelength", "y", "x"), CUBE * scale) for name, scale in (("estimate", 1), ("deviation", 0.1))}
     [item] = opened(xr.Dataset(parts, {"wavelength": NM * 1e-9}, {"decoder": "lmmse", "metric_psnr": 31.7}))
-    assert item.facts["psnr"] == "31.7"
+    assert item.facts["PSNR"] == "31.7 dB"
     np.testing.assert_allclose(item.layer("deviation").plane(4), 0.1 * CUBE[4], rtol=1e-6)
 
 

@@ -102,6 +102,24 @@ def test_an_estimate_has_its_deviation_around_its_spectrum_and_the_truth_beside_
     assert looked.errors == []
 
 
+def test_two_files_of_one_shape_are_compared_and_the_spectrum_is_that_of_the_middle_at_first(look):
+    looked = look(estimate(), cube(CUBE * 0.9, "other"))
+    ready(looked)
+    looked.until("tmca.desk.lines?.length === 2")
+    first, second = looked.ask("tmca.desk.lines.map((line) => Array.from(line.y))")
+    middle = tuple(side // 2 for side in CUBE.shape[1:])
+    np.testing.assert_allclose(first, CUBE[:, *middle], rtol=1e-6)
+    np.testing.assert_allclose(second, 0.9 * CUBE[:, *middle], rtol=1e-6)
+    titles = looked.ask("[...tmca.desk.panels.values()].map((panel) => panel.spec.title)")
+    assert titles == ["lmmse", "other", "lmmse: error"]
+    assert looked.ask("tmca.desk.select.value") == "1"
+    looked.page.get_by_label("Compare with").select_option("nothing")
+    looked.until("location.hash.includes('against=-1')")
+    again = look(address=looked.ask("location.href"))
+    ready(again)
+    assert again.ask("tmca.desk.against === null")
+
+
 def test_a_link_keeps_the_view(look):
     first = look(cube())
     ready(first)

@@ -55,7 +55,7 @@ spectral cube, a light field, or a cube with depth.
   tmca demo                        every camera on rendered scenes, a report
   tmca simulate spectral coffee    a snapshot of a scene: a name, or a file
   tmca reconstruct coffee_snapshot.nc --truth coffee
-  tmca view coffee_lmmse.nc coffee           the estimate beside the truth
+  tmca view coffee_lmmse.nc --truth coffee   the estimate beside the truth
   tmca study coffee --codes cassi,two-bucket       which code is better here
 
   tmca --help                      all commands

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tmca.data import Contents, Stored, metres_to_nm
 from tmca.data.cubes import Located, locate_cube
 from tmca.data.formats.wavelengths import divisor
+from tmca.metrics import with_unit
 from tmca.plots.cube import RGB_WAVELENGTHS, rgb_bands, rgb_composite, white_level
 from tmca.viewer.items import Axis, Item, Layer, thinning
 
@@ -141,9 +142,24 @@ def said(attrs: Mapping[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name, value in attrs.items():
         if isinstance(value, str | int | float | np.number) and (name in _SAID or name.startswith("metric_")):
+            if name.startswith("metric_") and not isinstance(value, str):
+                found |= merit_facts({name.removeprefix("metric_"): float(value)})
+                continue
             text = value if isinstance(value, str) else f"{float(value):.4g}"
             if text:
                 found[name.removeprefix("metric_")] = text[:80]
+    return found
+
+
+_WITHIN = "coverage_1s"
+
+
+def merit_facts(metrics: Mapping[str, float]) -> dict[str, str]:
+    """Figures of merit with their units, as they are said beside pictures."""
+    found = {name.replace("_", " ").upper(): with_unit(name, value) for name, value in metrics.items()}
+    if _WITHIN in metrics:
+        found.pop(_WITHIN.replace("_", " ").upper())
+        found["within ±1 σ"] = f"{metrics[_WITHIN]:.1%} of the values (68 % expected)"
     return found
 
 

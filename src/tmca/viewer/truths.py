@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
 from tmca.applications.imaging import evaluation_of
-from tmca.metrics import MERITS, with_unit
+from tmca.metrics import MERITS
+from tmca.viewer.cubes import merit_facts
 from tmca.viewer.items import Item
 from tmca.viewer.opening import in_memory_items, open_items
 
@@ -27,17 +27,14 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
     """
     evaluation = evaluation_of(estimate, truth)
     opened = open_items(estimate, stack)
-    merit = {
-        name.replace("_", " ").upper(): f"{with_unit(name, value)}{_direction(name)}"
-        for name, value in evaluation.metrics.items()
-    }
-    items = [replace(item, facts={**merit, **_others(item.facts, evaluation.metrics)}) for item in opened]
+    measured = merit_facts(evaluation.metrics)
+    better = {name.replace("_", " ").upper(): _direction(name) for name in evaluation.metrics}
+    merit = {name: f"{said}{better.get(name, '')}" for name, said in measured.items()}
+    items = [
+        replace(item, facts={**merit, **{name: said for name, said in item.facts.items() if name not in merit}})
+        for item in opened
+    ]
     return items + (in_memory_items(evaluation.truth, "truth", "truth") if with_truth else [])
-
-
-def _others(facts: Mapping[str, Any], metrics: Mapping[str, float]) -> dict[str, Any]:
-    """Facts of a file without the metrics that are measured anew."""
-    return {name: value for name, value in facts.items() if name not in metrics}
 
 
 def _direction(metric: str) -> str:

@@ -15,11 +15,19 @@ export class Stack extends Desk {
     this.index = this.axis.label === "wavelength" ? nearest(this.axis.values, 550) : 0;
     this.coloured = this.axis.label === "wavelength" && this.axis.values.length > 2;
     this.extra = { difference: false, error: false, deviation: false };
-    this.against = items.find((item) => item.role === "truth") ?? null;
+    this.against = items.find((item) => item.role === "truth") ?? this.#other();
     this.maps = new Map();
     this.details = new Map();
-    if (this.against && items.length < 4) this.extra.error = true;
+    const meant = this.against?.role === "truth" || this.axis.label === "wavelength";
+    if (this.against && items.length < 4 && meant) this.extra.error = true;
     this.build();
+    if (this.plot) this.cursor = this.size.map((length) => length >> 1);
+  }
+
+  // Of two files of one shape the second, as an estimate and its scene are named.
+  #other() {
+    const [one, other] = this.items, alike = this.items.length === 2 && this.main(one).size.join() === this.main(other).size.join();
+    return alike && this.main(other).axis.label === this.axis.label && this.axis.values.length > 1 ? other : null;
   }
 
   main(item) {
@@ -289,7 +297,8 @@ export class Stack extends Desk {
   }
 
   legend(lines) {
-    if (!lines.length) return ["Move over a picture for its curve. Click keeps one, Shift and drag takes the mean of a region."];
+    const hint = "Move over a picture for its curve. Click keeps one, Shift and drag takes the mean of a region.";
+    if (!lines.length) return [hint];
     const parts = [];
     if (this.cursor) parts.push(`cursor: ${this.nameOf(this.cursor)}`);
     if (this.items.length > 1) {
@@ -299,6 +308,7 @@ export class Stack extends Desk {
     const bands = lines.some((line) => line.band && line.name.startsWith("row ")) ? ["pixels: ±1 predicted standard deviation"] : [];
     if (lines.some((line) => line.band && line.name.startsWith("rows"))) bands.push("regions: ±1 standard deviation of their pixels");
     if (bands.length) parts.push(element("br"), bands.join("; "));
+    if (!this.places.length) parts.push(element("br"), hint);
     return parts;
   }
 
@@ -333,11 +343,12 @@ export class Stack extends Desk {
 
   state() {
     const extra = Object.keys(this.extra).filter((name) => this.extra[name]).join();
-    return { ...super.state(), plane: this.index, colour: this.modes.length ? Number(this.coloured) : null, show: extra, against: this.against ? this.items.indexOf(this.against) : null, spans: this.looks.state() };
+    return { ...super.state(), plane: this.index, colour: this.modes.length ? Number(this.coloured) : null, show: extra, against: this.select ? this.items.indexOf(this.against) : null, spans: this.looks.state() };
   }
 
   restore(given) {
     super.restore(given);
+    if (this.places.length) this.cursor = null; // kept curves are there to look at
     this.looks.restore(given.spans);
     const index = Number(given.plane);
     if (given.plane !== undefined && Number.isInteger(index)) this.slider.set((this.index = Math.min(Math.max(index, 0), this.axis.values.length - 1)));
