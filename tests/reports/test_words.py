@@ -4,7 +4,8 @@ from types import SimpleNamespace as Made
 
 import pytest
 
-from tmca.reports.words import code_advice, mask_advice
+from tmca.reports.codes import columns_of
+from tmca.reports.words import advice_lines, code_advice, mask_advice
 
 
 def design(kind="free", gain=0.5, spread=0.2, alike=False):
@@ -43,9 +44,10 @@ def test_codes_are_advised_with_their_gain(advice, said):
     ("advice", "said"),
     [
         (codes(one=design(), two=design("two-bucket", 2.5), burst=1.5),
+         "The codes gain 1.0 dB over the burst. "
          "This sensor with two buckets: 32.5 dB (two-bucket, K = 4); with one bucket: 30.5 dB (free, K = 4); "
          "static: 30.0 dB; a burst of two frames: 31.5 dB. The second bucket gains 2.0 dB, as no light is lost. "
-         "The codes gain 1.0 dB over the burst. Trust differences to within ± 0.2 dB"),
+         "Trust differences to within ± 0.2 dB"),
         (codes(one=design(), two=design("two-bucket", 2.5, alike=True), burst=2.5), "codes are a burst themselves"),
         (codes(one=design(), burst=1.5), "The burst is 1.0 dB better: prefer it if the scene stands still"),
         (codes(one=design(), burst=0.45), "The burst is as good where the scene stands still; take the codes"),
@@ -55,6 +57,15 @@ def test_codes_are_advised_with_their_gain(advice, said):
 )  # fmt: skip
 def test_codes_are_compared_with_their_rivals(advice, said):
     assert said in code_advice(advice)
+
+
+def test_a_better_burst_is_the_second_line_and_names_two_buckets_where_none_were_tried():
+    said = advice_lines(codes(one=design(), burst=1.5, more_slots={8: 0.1}))
+    assert [line.split()[0] for line in said] == ["Use", "The", "This", "These", "Trust"]
+    assert said[1].startswith("The burst is 1.0 dB better")
+    assert said[1].endswith("add --buckets 2.")
+    both = advice_lines(codes(one=design(), two=design("two-bucket", 0.9), burst=1.5))
+    assert "--buckets" not in " ".join(both)
 
 
 def masks(*expected, errors=None):
@@ -75,3 +86,9 @@ def masks(*expected, errors=None):
 )
 def test_masks_are_advised_with_what_they_save(advice, said):
     assert said in mask_advice(advice)
+
+
+def test_one_scene_has_no_columns_of_the_others():
+    named = [[name for name, *_ in columns_of({"scenes": scenes})] for scenes in (["a"], ["a", "b"])]
+    assert {*named[1]} - {*named[0]} == {"held_out_psnr", "spread"}
+    assert "gain" in named[0]

@@ -26,6 +26,7 @@ class Section:
     Args:
         title: heading.
         text: paragraphs.
+        points: of a list above them.
         table: rows of a table, dictionaries.
         columns: (key, heading, format) of the table's columns.
         figures: caption → figure, or the file of one (PNG, GIF).
@@ -36,6 +37,7 @@ class Section:
     table: Sequence[dict[str, Any]] = ()
     columns: Sequence[tuple[str, str, str]] = ()
     figures: dict[str, Figure | Path] = field(default_factory=dict)
+    points: Sequence[str] = ()
 
 
 def write_report(path: str | Path, title: str, sections: Sequence[Section], *, overwrite: bool = False) -> Path:
@@ -60,6 +62,7 @@ def _rendered(section: Section) -> dict[str, Any]:
     return {
         "title": section.title,
         "text": section.text,
+        "points": section.points,
         "headings": [heading for _, heading, _ in section.columns],
         "rows": rows,
         "figures": [(caption, *_embedded(figure)) for caption, figure in section.figures.items()],

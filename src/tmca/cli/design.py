@@ -145,18 +145,20 @@ def spectral_depth(
     how |= {"bench": bench.arguments(), **run.how(sheet)}
     with progress_bar(f"design {run.out.name}") as progress:
         _, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
-    _report(report, report["designs"], COLUMNS, run)
+    _report(report, [report["advice"]], report["designs"], COLUMNS, run)
 
 
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.design import QUICK
-    from tmca.reports.codes import COLUMNS
+    from tmca.reports.codes import columns_of
+    from tmca.reports.words import advice_lines
 
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:
-        _, report = design(progress=progress, **how)
-    _report(report, report["designs"], COLUMNS, run, "; it has the survey of every number of slots")
+        advice, report = design(progress=progress, **how)
+    said = advice_lines(advice)
+    _report(report, said, report["designs"], columns_of(report), run, "; it has the survey of every number of slots")
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -181,11 +183,13 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
         raise SettingError(where, error.found, error.expected, error.remedy) from None
 
 
-def _report(report: dict[str, Any], rows: list[Any], columns: Any, run: DesignOptions, has: str = "") -> None:
-    """The designs that were searched on as a table, the advice as a sentence, and what the page ``has``; or JSON."""
+def _report(
+    report: dict[str, Any], advice: list[str], rows: list[Any], columns: Any, run: DesignOptions, has: str = ""
+) -> None:
+    """The designs that were searched on as a table, the advice line by line, and what the page ``has``; or JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    lines = (markdown_table(rows, columns), report["advice"], f"open {run.out / 'design.html'}{has}")
+    lines = (markdown_table(rows, columns), *advice, "", f"open {run.out / 'design.html'}{has}")
     say(report, run.json, *lines, markdown=run.markdown)
 
 

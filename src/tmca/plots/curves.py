@@ -96,11 +96,12 @@ Gain = tuple[int, float, float]
 """Slots K, gain over the static code in dB, and its standard deviation over the scenes."""
 
 
-def gains_figure(surveyed: Mapping[str, Sequence[Gain]], chosen: tuple[str, Gain] | None = None) -> Figure:
+def gains_figure(surveyed: Mapping[str, Sequence[Gain]], title: str, chosen: tuple[str, Gain] | None = None) -> Figure:
     """Gain over the static code against the number of slots, a line for each kind; bars are the scenes' spread.
 
     Args:
         surveyed: kind of codes → gains, by rising K.
+        title: what they are judged on.
         chosen: label and gain of the code that was searched longer.
     """
     figure = blank_figure(6, 3.6)
@@ -121,7 +122,7 @@ def gains_figure(surveyed: Mapping[str, Sequence[Gain]], chosen: tuple[str, Gain
     axis.minorticks_off()
     if surveyed:
         figure.legend(fontsize=8, loc="outside lower center", ncols=min(len(surveyed) + 1, 3))
-    plain_axes(axis, "each scene under the prior of the others", "slots K", "gain over the static code (dB)")
+    plain_axes(axis, title, "slots K", "gain over the static code (dB)")
     return figure
 
 

@@ -37,7 +37,7 @@ from tmca.errors import DataError
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
-from tmca.reports.words import code_advice
+from tmca.reports.words import advice_lines, code_advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,6 +55,13 @@ COLUMNS = (
     ("throughput", "light", ".1%"),
     ("seconds", "CPU seconds", ".0f"),
 )
+_OF_OTHERS = ("held_out_psnr", "spread")
+"""Columns of what is judged on each scene under the prior of the others."""
+
+
+def columns_of(record: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Columns of the table of designs: of one scene, which has no others, without those of the others."""
+    return [column for column in COLUMNS if len(record["scenes"]) > 1 or column[0] not in _OF_OTHERS]
 
 
 @dataclass(frozen=True)
@@ -249,15 +256,16 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     ]
     sheet = {name: value for name, value in record["sensor"].items() if value not in (None, 0.0)}
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
+    several, designs = len(scenes) > 1, columns_of(record)
     about = [
-        record["advice"],
         "Sensor: " + ", ".join(f"{name} {value:g}" for name, value in sheet.items()) + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(record)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
-        "anything is captured. Codes are searched for all scenes; gains are those of each scene when the estimate "
-        "knows only the others.",
-    ]
+        "anything is captured. Codes are searched for all scenes; "
+        + ("gains are those of each scene when the estimate knows only the others." if several
+           else "with one scene the prior knows what it is judged on, and gains may be too large."),
+    ]  # fmt: skip
     columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
     survey = ["A survey with less effort; gains are over its own static code, the first row."]
     if advice.burst is not None:
@@ -268,11 +276,12 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "
              f"{_training(record)}."]  # fmt: skip
     codes += ["Those of the burst, to compare with: --codes burst.nc."] if advice.burst is not None else []
+    caption = "Gain over the static code" + (", and its spread over the scenes" if several else "")
+    each = [Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")])] if several else []
     return [
-        Section("Advice", about, record["designs"], COLUMNS),
-        Section("Every number of slots", survey, record["surveyed"], COLUMNS,
-                {"Gain over the static code, and its spread over the scenes": _gains(advice)}),
-        Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")]),
+        Section("Advice", about, record["designs"], designs, points=advice_lines(advice)),
+        Section("Every number of slots", survey, record["surveyed"], designs, {caption: _gains(advice)}),
+        *each,
         Section("The codes", codes, figures={"One period": advice.best.design.camera.plot(record["period"])}),
     ]  # fmt: skip
 
@@ -284,7 +293,9 @@ def _gains(advice: Advice) -> Figure:
             surveyed.setdefault(candidate.design.kind, []).append(_gain(candidate))
     label = ("recommended, " if advice.multiplex else "") + "searched longer, over its own static code"
     chosen = None if advice.chosen is None else (label, _gain(advice.chosen))
-    return gains_figure({kind: sorted(gains) for kind, gains in surveyed.items()}, chosen)
+    several = len(advice.static.held_out) > 1
+    title = "each scene under the prior of the others" if several else "expected of the example scene"
+    return gains_figure({kind: sorted(gains) for kind, gains in surveyed.items()}, title, chosen)
 
 
 def _gain(candidate: Candidate) -> Gain:

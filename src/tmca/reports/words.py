@@ -9,8 +9,14 @@ from tmca.design.mask_search import WORTH as WORTH_SHARE
 
 def code_advice(advice: Advice) -> str:
     """Slots and codes to use and their gain, beside the rivals, with the codes that were left out."""
-    parts = (_recommended(advice), _more_slots(advice), *_compared_codes(advice), _left_out(advice))
-    return " ".join(part for part in parts if part)
+    return " ".join(advice_lines(advice))
+
+
+def advice_lines(advice: Advice) -> list[str]:
+    """The same in short lines: what to use, the burst, what the sensor gives, more slots, how far to trust it, what was
+    left out."""
+    parts = (_recommended(advice), _against_burst(advice), _compared_codes(advice), _more_slots(advice))
+    return [part for part in (*parts, _careful(advice), _left_out(advice)) if part]
 
 
 def _recommended(advice: Advice) -> str:
@@ -37,10 +43,10 @@ def _more_slots(advice: Advice) -> str:
     return f"These are the fewest slots {taken}; more gave in the survey: {said}."
 
 
-def _compared_codes(advice: Advice) -> list[str]:
-    """What the sensor gives with two buckets, with one, without time slots and with two frames, and what follows."""
+def _compared_codes(advice: Advice) -> str:
+    """What the sensor gives with two buckets, with one, without time slots and with two frames."""
     if advice.burst is None:
-        return []
+        return ""
     own = {"with two buckets": advice.two, "with one bucket": advice.one}
     parts = [
         f"{name}: {each.psnr:.1f} dB ({each.design.kind}, K = {each.design.slots})"
@@ -48,7 +54,7 @@ def _compared_codes(advice: Advice) -> list[str]:
         if each is not None
     ]
     parts += [f"static: {advice.static.psnr:.1f} dB", f"a burst of two frames: {advice.burst.psnr:.1f} dB"]
-    return [f"This sensor {'; '.join(parts)}.", _second_bucket(advice), _against_burst(advice), _careful(advice)]
+    return " ".join(part for part in (f"This sensor {'; '.join(parts)}.", _second_bucket(advice)) if part)
 
 
 def _second_bucket(advice: Advice) -> str:
@@ -72,15 +78,16 @@ def _against_burst(advice: Advice) -> str:
         return f"The {name} gain{'' if advice.multiplex else 's'} {gain:.1f} dB over the burst."
     if gain > -WORTH_DECIBELS:
         return f"The burst is as good where the scene stands still; take the {name} if it moves."
-    return (
+    said = (
         f"The burst is {-gain:.1f} dB better: prefer it if the scene stands still and the sensor can be read twice in "
-        "this time."
     )
+    more = " If its pixels have two buckets, these hold both frames: add --buckets 2." if advice.two is None else ""
+    return f"{said}this time.{more}"
 
 
 def _careful(advice: Advice) -> str:
     spread = advice.best.spread
-    if not advice.multiplex or spread is None:
+    if advice.burst is None or not advice.multiplex or spread is None:
         return ""
     return f"Trust differences to within ± {max(spread, WORTH_DECIBELS):.1f} dB, and only for scenes like the examples."
 
