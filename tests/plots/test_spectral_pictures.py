@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from tmca.errors import SettingError
 from tmca.plots import cube as cubes
 from tmca.plots import depth as depths
 from tmca.plots import linear_srgb, srgb_picture
+from tmca.plots.estimates import estimate_figure
 
 WAVELENGTHS = np.linspace(450e-9, 650e-9, 7)
 METRES = np.linspace(0.5, 2.0, 4)
@@ -166,3 +168,12 @@ def test_pixels_that_an_estimate_has_not_are_refused(at):
     cube, _ = scene()
     with pytest.raises(SettingError, match=r"at: found .*expected 1 to 6 pixels \(row, column\) within 24 × 30"):
         cubes.reconstruction_figure({"lmmse": cube}, WAVELENGTHS, at=at)
+
+
+def test_pixels_are_asked_for_of_scenes_with_depth_too_and_refused_of_views():
+    cube, depth = scene()
+    figure = depths.depth_figure("map", (cube, depth), depth, WAVELENGTHS, (0.5, 2.0), (cube, depth), at=[(5, 6)])
+    np.testing.assert_array_equal(curves(figure)[0].get_ydata(), cube[:, 5, 6])
+    views = xr.Dataset({"estimate": (("view_v", "view_u", "y", "x"), np.ones((3, 3, 8, 9)))})
+    with pytest.raises(SettingError, match="this estimate has no spectra"):
+        estimate_figure(views, at=[(1, 2)])
