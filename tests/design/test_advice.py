@@ -61,6 +61,14 @@ def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
     assert found.chosen.design.mse <= found.static.design.mse * (1 + 1e-6)
 
 
+def test_one_descent_starts_from_the_best_codes_that_are_contained(examples):
+    sheet = SensorSheet(full_well=10_000, read_noise_electrons=3)
+    found = advise(examples, sheet, slots=[2, 3], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    mse = {(c.design.kind, c.design.slots): c.design.mse for c in found.surveyed}
+    for slots in (2, 3):
+        assert mse["free", slots] <= min(mse["one-hot", slots], mse["static", 1]) * (1 + 1e-6)
+
+
 def test_the_share_that_is_done_counts_each_search_by_its_effort(examples):
     told = []
     survey, effort = Effort(1, 2, 0), Effort(1, 6, 0)

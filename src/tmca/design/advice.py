@@ -253,6 +253,8 @@ class _Task:
         found = [static]
         for kind, k in plan:
             starts = _starts_of(found, kind, k)
+            if effort.descents < len(starts):
+                starts = sorted(starts, key=lambda start: start.design.mse)
             found.append(self.candidate(kind, k, effort, part(f"survey: {kind}, K = {k}"), starts, static))
         return found
 
