@@ -205,7 +205,7 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
     columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in each]
     columns += [("throughput", "light", ".1%"), ("arrived", "in the window", ".1%")]
     columns += [("seconds", "seconds a scene", ".1f"), ("seeds", f"{heading} seed by seed", "")]
-    if any(row["training_cpu_minutes"] for row in rows):
+    if any(row.get("training_cpu_minutes") for row in rows):
         columns += [("training_cpu_minutes", "training (CPU min)", ".1f")]
     noises = [("noise", "noise", "")] if len({row["noise"] for row in rows}) > 1 else []
     shown = [
