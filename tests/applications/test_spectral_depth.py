@@ -86,7 +86,9 @@ def test_depth_that_is_mapped_is_said_and_an_argument_keeps_metres(camera):
     mapped_one = stored.assign_attrs({})
     del mapped_one.attrs["metric_depth"]
     with pytest.warns(SceneWarning, match="mapped onto 0.4 to 2 m"):
-        assert evaluate(mapped_one, scene)["depth_mae"] > 0
+        found = evaluate(mapped_one, scene)
+    assert found["depth_mae"] > 0
+    assert found["depth_mae_of_constant"] > 0
 
 
 def test_only_scenes_with_depth_have_metres():

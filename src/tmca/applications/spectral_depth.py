@@ -196,13 +196,17 @@ def reading_range(camera: Any) -> dict[str, Any]:
 def spectral_depth_metrics(
     cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
 ) -> dict[str, float]:
-    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known.
+    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known, and the
+    MAE of the best constant.
 
     ``known_depth`` is the share of pixels where it is, within the range of the planes. One plane has no bins.
     """
     within = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(within.numpy(), truth["depth"].values, np.nan)
-    figures = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
+    figures = {"depth_mae": depth_mae(depth, real), "depth_mae_of_constant": np.nan}
+    if within.any():
+        figures["depth_mae_of_constant"] = depth_mae(np.full_like(real, np.nanmedian(real)), real)
+    figures["depth_rmse"] = depth_rmse(depth, real)
     if planes.count > 1:
         figures["within_bin"] = within_bin(depth, real, planes.metres)
     return {**all_metrics(cube, truth["radiance"].values), **figures, "known_depth": float(within.double().mean())}

@@ -197,6 +197,7 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
     metric, evaluation = study.evaluation.metric, study.evaluation
     heading, spec = next((heading, spec) for name, heading, spec in evaluation.columns if name == metric)
     columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED, *evaluation.columns]
+    columns += evaluation.beside
     scenes = dict.fromkeys(scene for row in rows for scene in row["scenes"])
     columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in scenes]
     columns += [("throughput", "light", ".1%"), ("arrived", "in the window", ".1%")]
@@ -209,7 +210,8 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
          "seeds": ", ".join(format(value, spec) for value in row[f"seed_{metric}"])}
         for row in rows
     ]  # fmt: skip
-    return Section(title, not_meaningful(rows), shown, [*noises, *_there(columns, shown)])
+    said = [*not_meaningful(rows), *evaluation.warnings(shown)]
+    return Section(title, said, shown, [*noises, *_there(columns, shown)])
 
 
 def parts_of(found: Row) -> dict[str, list[str]]:
