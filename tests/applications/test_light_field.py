@@ -148,6 +148,14 @@ def test_without_a_true_disparity_the_one_of_the_true_views_is_compared_with():
     assert "disparity_mae" not in found
 
 
+def test_an_estimate_says_where_its_disparity_is():
+    scene = load_light_field("coffee:1", **SCENE)
+    still = decode(simulate(scene, LightFieldCamera(slots=1, shutter="open")), "dagger")
+    assert "disparity, confidence and all_in_focus in .maps" in repr(still)
+    single = decode(simulate(scene[1:2, 1:2], LightFieldCamera(slots=1, shutter="open")), "dagger")
+    assert "maps" not in repr(single)
+
+
 def test_a_rendered_truth_of_another_name_is_doubted(tmp_path):
     scene = load_light_field("coffee:1", **SCENE)
     found = decode(simulate(scene, LightFieldCamera(slots=1, shutter="open")), "dagger").save(tmp_path / "e.nc")

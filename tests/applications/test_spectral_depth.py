@@ -89,6 +89,14 @@ def test_depth_that_is_mapped_is_said_and_an_argument_keeps_metres(camera):
         found = evaluate(mapped_one, scene)
     assert found["depth_mae"] > 0
     assert found["depth_mae_of_constant"] > 0
+    said = "depths of 1 to 3 m mapped onto 0.4 to 2 m"
+    assert application_of("spectral-depth").remarks(stored.assign_attrs(mapped.notes)) == [
+        f"metres are those of the mapped scene: {said}"
+    ]
+    assert application_of("spectral-depth").remarks(stored) == []
+    far = scene.assign(depth=scene["depth"] + 2.05)
+    with pytest.raises(DataError, match=r"choose another range \(--depth 3,5\.1\)"):
+        simulate(far, camera, metric_depth=True)
 
 
 def test_only_scenes_with_depth_have_metres():

@@ -68,6 +68,12 @@ def test_an_estimate_carries_what_its_views_show(folder, capsys):
     capsys.readouterr()
     main(["inspect", "views.nc", "--json"])
     assert json.loads(capsys.readouterr().out)["light_field"]["disparity_seen"] == pytest.approx([-1, 1], abs=0.1)
+    seen = []
+    for words in (["inspect", "estimate.nc"], ["refocus", "estimate.nc", "--all-in-focus", "--overwrite"]):
+        main([*words, "--json"])
+        told = json.loads(capsys.readouterr().out)
+        seen.append(told["light_field"]["disparity_seen"] if "light_field" in told else told["disparity"])
+    assert seen[0] == pytest.approx(seen[1], abs=1e-3)
     main(["inspect", "estimate.nc"])
     said = capsys.readouterr().out
     assert "px per view step (5 to 95 %)" in said
@@ -109,7 +115,10 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     np.testing.assert_allclose(points[0], [-3.5 / 16, 2.5 / 16, -1], rtol=1e-5)
     capsys.readouterr()
     main(["point-cloud", "d.nc", "--confidence", "0.75", "--out", "e.ply", "--json"])
-    assert json.loads(capsys.readouterr().out) == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
+    told = json.loads(capsys.readouterr().out)
+    assert told.pop("distance") == pytest.approx([1.6, 2.0])
+    assert told.pop("left_out") == {"without depth": 0, "below the confidence": 24}
+    assert told == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
     assert "--focal: found -1 px" in refused(capsys, "point-cloud", "d.nc", "--focal=-1", "--out", "f.ply")
     asked = refused(capsys, "point-cloud", "views.nc", "--focal", "20", "--out", "f.ply")
     assert "--baseline: found no baseline, focus" in asked

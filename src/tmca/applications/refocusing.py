@@ -142,7 +142,7 @@ def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
     about = describe(source, **{name: reading[name] for name in ("pattern", "lens") if name in reading})
     if about["kind"] != "light field":
         taken = "snapshot" in about.get("variables", ())
-        found, remedy = f"a {about['kind']}", "tmca inspect says more"
+        found, remedy = f"no light field ({about['kind']})", "give the folder of the views; tmca inspect says more"
         if taken:
             found, remedy = "a snapshot", f"run tmca reconstruct {source} first"
         raise DataError(source, found, "a light field, or an estimate of one", remedy)

@@ -73,7 +73,9 @@ def evaluate(
         save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
     if len(files) == 1:
         own = metrics[files[0]]
-        say(own, json, *(f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()))
+        said = [f"{name:6s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()]
+        one = found[files[0]]
+        say(own, json, *said, *one.application.remarks(one.estimate))
         return
     say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), markdown=markdown)
 

@@ -62,7 +62,7 @@ def refocus(
     field = light_field_of(light_field, views=views, **reading.given())
     made = _sharp(field) if all_in_focus else _stack(field, steps)
     _write(made, field, target, stem, overwrite)
-    _tell(made, target, all_in_focus, json)
+    _tell(made, field, target, json)
 
 
 def _asked(disparity: str | None, sweep: int | None, all_in_focus: bool) -> list[float] | int:
@@ -119,14 +119,15 @@ def _write(made: xr.Dataset, field: xr.DataArray, target: Path, stem: str, overw
     write_photographs(stack, target, brightest(field.values), title=f"{stem}, refocused", overwrite=overwrite)
 
 
-def _tell(made: xr.Dataset, target: Path, sharp: bool, json: bool) -> None:
-    import numpy as np
+def _tell(made: xr.Dataset, field: xr.DataArray, target: Path, json: bool) -> None:
+    from tmca.metrics import disparity_range
 
     report: dict[str, Any] = {"file": str(target)}
-    if sharp:
-        low, high = (round(float(end), 3) for end in np.quantile(made["disparity"].values, (0.05, 0.95)))
-        report["disparity"] = [low, high]
-        line = f"all in focus; disparity {low:.2f} to {high:.2f} px per view step (5 to 95 %)"
+    if "all_in_focus" in made:
+        seen = disparity_range(field.values)  # as `tmca inspect` tells it, and --sweep takes it
+        report["disparity"] = None if seen is None else [round(end, 3) for end in seen]
+        said = "" if seen is None else f"; disparity {seen[0]:.2f} to {seen[1]:.2f} px per view step (5 to 95 %)"
+        line = f"all in focus{said}"
     else:
         steps = [round(float(step), 4) for step in made["disparity"].values]
         report["disparity"] = steps
