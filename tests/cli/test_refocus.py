@@ -105,6 +105,7 @@ def test_a_disparity_that_no_scene_has_is_warned_of(folder):
         tmca.refocus(folder / "views.nc", [0.0, 50.0])
 
 
+@pytest.mark.filterwarnings("ignore::tmca.data.in_memory.SceneWarning")
 def test_a_scene_with_depth_becomes_points(folder, capsys):
     depth, waves = np.add.outer(np.linspace(1, 2, 6), np.zeros(8)).astype(np.float32), np.linspace(45e-8, 65e-8, 4)
     parts = {"radiance": (("wavelength", "y", "x"), np.full((4, 6, 8), 0.5, np.float32)), "depth": (("y", "x"), depth)}
@@ -125,3 +126,11 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     geometry = ("--focal", "20", "--baseline", "0.05", "--focus", "1")
     main(["point-cloud", "views.nc", *geometry, "--out", "f.ply"])
     assert "points of 1800 pixels, focal length 20 px" in capsys.readouterr().out
+
+
+def test_the_middle_of_the_views_is_refocused(folder, capsys):
+    main(["refocus", "views.nc", "--disparity", "0", "--crop", "12x10", "--out", "part.nc"])
+    main(["refocus", "coffee:1", "--views", "3", "--disparity", "0", "--crop", "12x10", "--out", "drawn.nc"])
+    sizes = [xr.load_dataset(name)["refocused"].shape[-2:] for name in ("part.nc", "drawn.nc")]
+    assert sizes == [(12, 10), (12, 10)]
+    assert "--crop: found 999×10" in refused(capsys, "refocus", "views.nc", "--crop", "999x10", "--out", "x.png")

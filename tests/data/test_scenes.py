@@ -94,7 +94,7 @@ def test_a_cube_is_placed_only_in_a_range_of_depths(tmp_path):
 def test_a_light_field_is_no_spectral_scene(tmp_path):
     views = np.random.default_rng(0).random((3, 3, 8, 9)).astype(np.float32)
     file = write_light_field(label_light_field(views), tmp_path / "views.nc")
-    with pytest.raises(DataError, match="found a light field, expected a spectral scene; .* tmca simulate light-field"):
+    with pytest.raises(DataError, match=r"found a light field, expected a spectral.* tmca simulate light-field"):
         load_scene(str(file))
 
 
