@@ -125,12 +125,12 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     assert "--baseline: found no baseline, focus" in asked
     geometry = ("--focal", "20", "--baseline", "0.05", "--focus", "1")
     main(["point-cloud", "views.nc", *geometry, "--out", "f.ply"])
-    assert "points of 1800 pixels, focal length 20 px" in capsys.readouterr().out
+    assert "m away, focal length 20 px" in capsys.readouterr().out
 
 
 def test_the_middle_of_the_views_is_refocused(folder, capsys):
     main(["refocus", "views.nc", "--disparity", "0", "--crop", "12x10", "--out", "part.nc"])
-    main(["refocus", "coffee:1", "--views", "3", "--disparity", "0", "--crop", "12x10", "--out", "drawn.nc"])
+    main(["refocus", "coffee:1", "--views", "3", "--disparity", "0", "--crop", "18x20", "--out", "drawn.nc"])
     sizes = [xr.load_dataset(name)["refocused"].shape[-2:] for name in ("part.nc", "drawn.nc")]
-    assert sizes == [(12, 10), (12, 10)]
+    assert sizes == [(12, 10), (18, 20)]
     assert "--crop: found 999×10" in refused(capsys, "refocus", "views.nc", "--crop", "999x10", "--out", "x.png")

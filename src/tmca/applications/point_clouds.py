@@ -267,8 +267,8 @@ def _read(source: str | Path, geometry: Mapping[str, float | None]) -> xr.Datase
         views = scene_parts(path) is None and open_views(path)
         return _maps(path, geometry) if views else _with_confidence(path)
     with open_contents(path) as contents:
-        maps, views = _has_maps(contents.arrays), find_light_field(contents)
-    if views is None:
+        maps, stored = _has_maps(contents.arrays), find_light_field(contents)
+    if stored is None:
         return _with_confidence(path)
     return read_dataset(path) if maps else _maps(path, geometry)
 
