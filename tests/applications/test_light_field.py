@@ -6,12 +6,14 @@ import xarray as xr
 
 from tests.cli.calls import answer
 from tests.cli.refusals import refused
-from tmca.applications import evaluate, simulate
+from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.imaging import evaluation_of
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field
+from tmca.data.scene_names import SceneWarning, compare_source
 from tmca.decoders import Weights, decode
+from tmca.metrics import estimate_disparity
 from tmca.priors import GaussianMixturePrior, learn_prior
 
 SCENE = {"views": 3, "size": (24, 30)}
@@ -133,3 +135,31 @@ def test_a_reconstruction_with_its_truth_says_the_error_of_its_disparity(tmp_pat
     said = answer(capsys, "reconstruct", "s.nc", *how)["metrics"]
     again = answer(capsys, "evaluate", "e.nc", "coffee:2")
     assert said["disparity_mae"] == pytest.approx(again["disparity_mae"], rel=1e-4)
+
+
+def test_without_a_true_disparity_the_one_of_the_true_views_is_compared_with():
+    truth = load_light_field("coffee", **SCENE)
+    del truth.attrs["scene_reading"]  # which says where the true disparity is
+    estimate = (0.9 * truth + 0.05).to_dataset(name="estimate")
+    found = application_of("light-field").geometry(estimate, truth)
+    seen, real = estimate_disparity(estimate["estimate"].values), estimate_disparity(truth.values)
+    assert found["disparity_agreement_mae"] == pytest.approx(np.abs(seen - real).mean())
+    assert found["disparity_agreement_mae_of_constant"] == pytest.approx(np.abs(real - np.median(real)).mean())
+    assert "disparity_mae" not in found
+
+
+def test_an_estimate_says_where_its_disparity_is():
+    scene = load_light_field("coffee:1", **SCENE)
+    still = decode(simulate(scene, LightFieldCamera(slots=1, shutter="open")), "dagger")
+    assert "disparity, confidence and all_in_focus in .maps" in repr(still)
+    single = decode(simulate(scene[1:2, 1:2], LightFieldCamera(slots=1, shutter="open")), "dagger")
+    assert "maps" not in repr(single)
+
+
+def test_a_rendered_truth_of_another_name_is_doubted(tmp_path):
+    scene = load_light_field("coffee:1", **SCENE)
+    found = decode(simulate(scene, LightFieldCamera(slots=1, shutter="open")), "dagger").save(tmp_path / "e.nc")
+    with pytest.warns(SceneWarning, match="coffee:2 is beside a snapshot of coffee:1"):
+        evaluate(found, "coffee:2")
+    evaluate(found, "coffee:1")
+    compare_source("coffee", "coffee:0")  # the same scene

@@ -10,6 +10,8 @@ from PIL import Image
 
 import tmca
 from tmca.data import read_spectral_depth, write_dataset, write_light_field
+from tmca.data.fitting import fit_depth_scene
+from tmca.data.in_memory import SceneWarning
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError
 
@@ -36,6 +38,33 @@ def test_what_lies_beyond_the_farthest_distance_is_no_point():
     scene = light_field(2.0, 100.0, 0.02, 1.5)
     scene["disparity"][:, :4] = -100 * 0.02 / 1.5 - 0.1
     assert len(tmca.point_cloud(scene, 100.0, baseline=0.02, focus=1.5).points) == 42
+
+
+def test_why_pixels_are_no_points_is_counted():
+    scene = light_field(2.0, 100.0, 0.02, 1.5)
+    scene["disparity"][:, :4] = -100 * 0.02 / 1.5 - 0.1
+    cloud = tmca.point_cloud(scene, 100.0, 0.5, baseline=0.02, focus=1.5)
+    low = int((scene["confidence"][:, 4:] < 0.5).sum())
+    assert dict(cloud.left_out) == {"with a disparity beyond infinity": 28, "below the confidence": low}
+    assert len(cloud.points) == 70 - 28 - low
+    assert cloud.distance == pytest.approx((2.0, 2.0))
+
+
+def test_points_that_are_nearly_at_infinity_are_warned_of():
+    scene = light_field(2.0, 100.0, 0.02, 1.5)
+    scene["disparity"][0, :3] = -100 * 0.02 / 1.5 + 100 * 0.02 / 200
+    with pytest.warns(SceneWarning, match="3 of 70 points lie beyond 150 m"):
+        tmca.point_cloud(scene, 100.0, baseline=0.02, focus=1.5)
+
+
+@pytest.mark.filterwarnings("ignore::tmca.data.in_memory.SceneWarning")
+def test_a_mapped_depth_is_mapped_back_to_the_scene():
+    cube = xr.DataArray(np.ones((3, 4, 5)), {"wavelength": [450e-9, 550e-9, 650e-9]}, ("wavelength", "y", "x"))
+    metres = np.linspace(2.0, 5.0, 20).reshape(4, 5)
+    scene = xr.Dataset({"radiance": cube, "depth": (("y", "x"), metres)})
+    mapped = fit_depth_scene(scene, cube["wavelength"].values, (4, 5), 0.4, 2.0)
+    assert float(mapped["depth"].max()) < 2.001
+    np.testing.assert_allclose(tmca.point_cloud(mapped, 10.0).points, tmca.point_cloud(scene, 10.0).points, rtol=1e-4)
 
 
 def test_pixels_of_low_confidence_are_left_out():

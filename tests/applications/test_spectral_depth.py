@@ -86,7 +86,17 @@ def test_depth_that_is_mapped_is_said_and_an_argument_keeps_metres(camera):
     mapped_one = stored.assign_attrs({})
     del mapped_one.attrs["metric_depth"]
     with pytest.warns(SceneWarning, match="mapped onto 0.4 to 2 m"):
-        assert evaluate(mapped_one, scene)["depth_mae"] > 0
+        found = evaluate(mapped_one, scene)
+    assert found["depth_mae"] > 0
+    assert found["depth_mae_of_constant"] > 0
+    said = "depths of 1 to 3 m mapped onto 0.4 to 2 m"
+    assert application_of("spectral-depth").remarks(stored.assign_attrs(mapped.notes)) == [
+        f"metres are those of the mapped scene: {said}"
+    ]
+    assert application_of("spectral-depth").remarks(stored) == []
+    far = scene.assign(depth=scene["depth"] + 2.05)
+    with pytest.raises(DataError, match=r"choose another range \(--depth 3,5\.1\)"):
+        simulate(far, camera, metric_depth=True)
 
 
 def test_only_scenes_with_depth_have_metres():

@@ -68,6 +68,12 @@ def test_an_estimate_carries_what_its_views_show(folder, capsys):
     capsys.readouterr()
     main(["inspect", "views.nc", "--json"])
     assert json.loads(capsys.readouterr().out)["light_field"]["disparity_seen"] == pytest.approx([-1, 1], abs=0.1)
+    seen = []
+    for words in (["inspect", "estimate.nc"], ["refocus", "estimate.nc", "--all-in-focus", "--overwrite"]):
+        main([*words, "--json"])
+        told = json.loads(capsys.readouterr().out)
+        seen.append(told["light_field"]["disparity_seen"] if "light_field" in told else told["disparity"])
+    assert seen[0] == pytest.approx(seen[1], abs=1e-3)
     main(["inspect", "estimate.nc"])
     said = capsys.readouterr().out
     assert "px per view step (5 to 95 %)" in said
@@ -99,6 +105,7 @@ def test_a_disparity_that_no_scene_has_is_warned_of(folder):
         tmca.refocus(folder / "views.nc", [0.0, 50.0])
 
 
+@pytest.mark.filterwarnings("ignore::tmca.data.in_memory.SceneWarning")
 def test_a_scene_with_depth_becomes_points(folder, capsys):
     depth, waves = np.add.outer(np.linspace(1, 2, 6), np.zeros(8)).astype(np.float32), np.linspace(45e-8, 65e-8, 4)
     parts = {"radiance": (("wavelength", "y", "x"), np.full((4, 6, 8), 0.5, np.float32)), "depth": (("y", "x"), depth)}
@@ -109,10 +116,21 @@ def test_a_scene_with_depth_becomes_points(folder, capsys):
     np.testing.assert_allclose(points[0], [-3.5 / 16, 2.5 / 16, -1], rtol=1e-5)
     capsys.readouterr()
     main(["point-cloud", "d.nc", "--confidence", "0.75", "--out", "e.ply", "--json"])
-    assert json.loads(capsys.readouterr().out) == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
+    told = json.loads(capsys.readouterr().out)
+    assert told.pop("distance") == pytest.approx([1.6, 2.0])
+    assert told.pop("left_out") == {"without depth": 0, "below the confidence": 24}
+    assert told == {"file": "e.ply", "points": 24, "focal_px": 16.0, "focal_known": True}
     assert "--focal: found -1 px" in refused(capsys, "point-cloud", "d.nc", "--focal=-1", "--out", "f.ply")
     asked = refused(capsys, "point-cloud", "views.nc", "--focal", "20", "--out", "f.ply")
     assert "--baseline: found no baseline, focus" in asked
     geometry = ("--focal", "20", "--baseline", "0.05", "--focus", "1")
     main(["point-cloud", "views.nc", *geometry, "--out", "f.ply"])
-    assert "points of 1800 pixels, focal length 20 px" in capsys.readouterr().out
+    assert "m away, focal length 20 px" in capsys.readouterr().out
+
+
+def test_the_middle_of_the_views_is_refocused(folder, capsys):
+    main(["refocus", "views.nc", "--disparity", "0", "--crop", "12x10", "--out", "part.nc"])
+    main(["refocus", "coffee:1", "--views", "3", "--disparity", "0", "--crop", "18x20", "--out", "drawn.nc"])
+    sizes = [xr.load_dataset(name)["refocused"].shape[-2:] for name in ("part.nc", "drawn.nc")]
+    assert sizes == [(12, 10), (18, 20)]
+    assert "--crop: found 999×10" in refused(capsys, "refocus", "views.nc", "--crop", "999x10", "--out", "x.png")

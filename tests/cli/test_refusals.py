@@ -100,6 +100,7 @@ REFUSED = {
     "simulate spectral-depth chelsea --reduce 8 --crop 32x32": {
         "--depth 2": "--depth",
         "--depth 2,0.4": "near < far",
+        "--depth 2.0:5.1": "found 2.0:5.1, expected NEAR,FAR in metres, such as 2.0,5.1",
         "--planes 0": "planes",
         "--mask wavy": "zernike",
         "--filters pink": "rgbw",

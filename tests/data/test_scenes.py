@@ -4,13 +4,22 @@ import json
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.data import rgbd_scenes
-from tmca.data import load_light_field, load_scene, load_spectral_depth, read_scene, write_dataset
+from tmca.data import (
+    label_light_field,
+    load_light_field,
+    load_scene,
+    load_spectral_depth,
+    read_scene,
+    write_dataset,
+    write_light_field,
+)
 from tmca.data.depth_scenes import check_depth_scene
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import scene_kind
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 
 
 def test_a_scene_named_by_its_stem_is_known_by_all_of_its_files(tmp_path):
@@ -80,3 +89,16 @@ def test_a_cube_is_placed_only_in_a_range_of_depths(tmp_path):
     with pytest.raises(SettingError) as caught:
         load_spectral_depth(str(tmp_path / "cube.nc"), placed="plane")
     assert caught.value.where == "near"
+
+
+def test_a_light_field_is_no_spectral_scene(tmp_path):
+    views = np.random.default_rng(0).random((3, 3, 8, 9)).astype(np.float32)
+    file = write_light_field(label_light_field(views), tmp_path / "views.nc")
+    with pytest.raises(DataError, match=r"found a light field, expected a spectral.* tmca simulate light-field"):
+        load_scene(str(file))
+
+
+def test_one_picture_is_no_light_field(tmp_path):
+    Image.fromarray(np.zeros((30, 43), np.uint8)).save(tmp_path / "view.png")
+    with pytest.raises(DataError, match="give the folder of the views: one picture is no light field"):
+        load_light_field(str(tmp_path / "view.png"))

@@ -187,7 +187,9 @@ def test_rows_say_how_views_and_their_disparity_come_back(tmp_path):
     known = rendered_light_field("coffee", views=3, size=(24, 28))["disparity"].values
     seen, of_truth = estimate_disparity(views), estimate_disparity(scene.values)
     assert own["disparity_mae"] == pytest.approx(np.abs(seen - known).mean(), rel=1e-3)
-    assert own["agreement_mae"] == pytest.approx(np.abs(seen - of_truth).mean(), rel=1e-3)
+    assert own["disparity_agreement_mae"] == pytest.approx(np.abs(seen - of_truth).mean(), rel=1e-3)
+    assert own["disparity_mae_of_constant"] == pytest.approx(np.abs(known - np.median(known)).mean(), rel=1e-3)
+    assert own["disparity_spread"] == pytest.approx(np.subtract(*np.quantile(seen, (0.95, 0.05))), rel=1e-3)
     assert found["geometry"]["coffee"]["disparity_mae"] == pytest.approx(np.abs(of_truth - known).mean(), rel=1e-3)
     (crop,) = [row for row in found["crop_rows"] if row["code"] == "drawn"]
     assert crop["scenes"]["coffee"]["psnr"] != own["psnr"]
@@ -204,6 +206,14 @@ def results(rows, **more):
     return found | {"split": {"test": ["a"], "real": ["a"]}, "budget": {"training": []}} | more
 
 
+def test_rows_with_a_flat_disparity_are_said_beside_what_a_constant_has():
+    flat = {**row("a", 12.0, 0.3, "dagger"), "disparity_spread": 0.1, "disparity_spread_of_true": 1.0}
+    rich = {**row("b", 30.0, 0.3), "disparity_spread": 0.9, "disparity_spread_of_true": 1.0}
+    first = next(sections(results([flat, rich, row("old", 30.0, 0.3)]), SHIPPED))
+    assert [text[:32] for text in first.text] == ["Flat disparity: a + least norm. "]
+    assert "disparity varies by (px, 5 to 95 %)" in [heading for _, heading, _ in first.columns]
+
+
 def test_the_published_table_stands_beside_what_was_measured():
     row = {"code": "CLFP static random", "noise": "noise-free", "decoder": "dictionary", "seed_psnr": [33.8],
            "scenes": {"a": {"psnr": 33.8, "ssim": 0.92}}}  # fmt: skip
@@ -218,7 +228,7 @@ def test_the_published_table_stands_beside_what_was_measured():
 
 
 def row(code, psnr, shape, decoder="lmmse"):
-    geometry = {"disparity_mae": shape, "disparity_badpix": shape, "agreement_mae": shape}
+    geometry = {"disparity_mae": shape, "disparity_badpix": shape, "disparity_agreement_mae": shape}
     scenes = {"a": {"psnr": psnr}, "b": {"psnr": 2 * psnr, **geometry}}
     return {"code": code, "noise": "noise-free", "decoder": decoder, "seed_psnr": [psnr], "scenes": scenes}
 

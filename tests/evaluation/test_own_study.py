@@ -307,7 +307,7 @@ def test_a_sensor_file_without_an_entry_is_one_line(here):
 
 def test_what_is_no_spectral_scene_is_one_line(here):
     write_light_field(label_light_field(np.ones((3, 3, 20, 24), np.float32)), "field.nc")
-    with pytest.raises(DataError, match=r"field.nc: found a scene of view_v, view_u, y, x, expected a spectral scene"):
+    with pytest.raises(DataError, match=r"field.nc: found a light field, expected a spectral scene"):
         own_study(["field.nc"], camera="spectral")
 
 

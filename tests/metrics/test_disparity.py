@@ -91,6 +91,8 @@ def test_errors_of_a_hand_worked_map():
     assert found["mse_x100"] == pytest.approx(100 * (0.05**2 + 0.5**2 + 0.1**2) / 4)
     assert found["pixels"] == 4
     assert np.isnan(disparity_error(estimate, truth, np.zeros((2, 3)))["mae"])
+    of_constant = disparity_error(estimate, np.array([[0.0, 1.0, 4.0], [np.nan, 1.0, 1.0]]))["mae_of_constant"]
+    assert of_constant == pytest.approx((1 + 0 + 3 + 0 + 0) / 5)  # the median of the known ones is 1
 
 
 def test_bad_input_is_refused():

@@ -202,6 +202,10 @@ class Application(ABC):
         """Errors of the geometry that an estimate shows, where the truth's is known beside its scene."""
         return {}
 
+    def remarks(self, estimate: xr.Dataset) -> list[str]:
+        """What is said below the figures of merit of an estimate, in lines."""
+        return []
+
     def holds(self, about: Mapping[str, Any]) -> bool:
         """Whether a file that does not name its camera, and of which `tmca.data.describe` says this, is an estimate of
         this camera's scene."""

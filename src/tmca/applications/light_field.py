@@ -145,14 +145,15 @@ class LightFieldApplication(Application):
         return light_field_metrics(values if len(values) > 1 else values[0], truth.values)
 
     def geometry(self, estimate: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
-        """See ``Application``: error of the disparity that the views show."""
+        """See ``Application``: error of the disparity that the views show; where the true one is not known, its
+        difference from the disparity of the true views. Beside it that of a constant."""
         views = estimate["estimate"]
         still = set(views.dims) <= {"colour", *VIEW_DIMS} and has_parallax(views.values)
-        real = _true_disparity(truth, views) if still else None
+        name, real = _reference(truth, _true_disparity(truth, views)) if still else ("", None)
         if real is None:
             return {}
         error = disparity_error(estimate_disparity(views.values), real)
-        return {"disparity_mae": error["mae"], "disparity_badpix": error["badpix"]}
+        return {f"{name}_{key}": error[key] for key in ("mae", "badpix", "mae_of_constant")}
 
     def holds(self, about: Mapping[str, Any]) -> bool:
         """See ``Application``; any light field is one."""
@@ -207,17 +208,30 @@ class LightFieldApplication(Application):
         drawn = super().figures(estimate, camera, truth, snapshot, title)
         if known is not None:
             sharp, sure = estimate["all_in_focus"].values, estimate["confidence"].values
-            above, real = f"{title}: {estimate.attrs['decoder']}", _usable_disparity(truth, views)
-            drawn["_disparity.png"] = geometry_figure(sharp, known, sure, real, above)
+            above = f"{title}: {estimate.attrs['decoder']}"
+            name, real = ("", None) if truth is None else _reference(truth, _usable_disparity(truth, views))
+            matched = name == AGREEMENT
+            drawn["_disparity.png"] = geometry_figure(sharp, known, sure, real, above, matched)
         above = f"{title}: refocused, disparity in px per view"
         strip = refocus_strip(views.values, focus_steps(views, known), above)
         return {**drawn, "_refocus.png": strip, ".gif": views.values}
 
 
-def _usable_disparity(truth: xr.DataArray | None, like: xr.DataArray) -> np.ndarray | None:
+AGREEMENT = "disparity_agreement"
+"""Name of what a disparity is compared with where the true one is not known: that of the true views."""
+
+
+def _reference(truth: xr.DataArray, real: np.ndarray | None) -> tuple[str, np.ndarray | None]:
+    """What a disparity is compared with, and by which name: the true one, or that of the true views."""
+    if real is not None:
+        return "disparity", real
+    return AGREEMENT, estimate_disparity(truth.values) if has_parallax(truth.values) else None
+
+
+def _usable_disparity(truth: xr.DataArray, like: xr.DataArray) -> np.ndarray | None:
     """The true disparity for a picture, which does without a damaged one."""
     try:
-        return None if truth is None else _true_disparity(truth, like)
+        return _true_disparity(truth, like)
     except TmcaError:
         return None
 
@@ -237,10 +251,12 @@ def _reading(source: str, notes: Mapping[str, Any], given: dict[str, Any]) -> di
         SettingError: one that is given otherwise for the snapshot's scene.
     """
     noted = noted_reading(notes)
-    same = bool(noted) and Path(noted["source"]).stem == Path(source).stem
-    if not noted or not (same or Path(source).exists()):
+    if not noted:
         return given
     compare_source(noted["source"], source)
+    same = Path(noted["source"]).stem == Path(source).stem
+    if not (same or Path(source).exists()):
+        return given
     files = ("scale", "pattern", "lens") if same else ("scale",)
     snapshot_reading = {name: noted[name] for name in files if noted.get(name) is not None}
     snapshot_reading |= {"lens": tuple(snapshot_reading["lens"])} if "lens" in snapshot_reading else {}

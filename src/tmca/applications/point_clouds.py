@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from tmca.applications.refocusing import all_in_focus
 from tmca.arguments import described
 from tmca.data import holds_rgbd, read_dataset, read_rgbd, read_spectral_depth
+from tmca.data.fitting import unmapped_depth
 from tmca.data.formats.opening import is_zarr, open_contents
 from tmca.data.formats.views import open_views
+from tmca.data.in_memory import SceneWarning
 from tmca.data.light_fields import find_light_field
 from tmca.data.pixels import encoded
 from tmca.data.point_cloud import FOCAL, FOCAL_OF, points_of, write_ply
@@ -35,6 +38,8 @@ AXES = "points in metres, camera at the origin, x to the right, y up, the scene 
 """Of the head of a file."""
 _DOTS = 20_000
 """Points that are drawn."""
+_FAR = 100
+"""Times the distance in focus: what is farther is warned of."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -49,6 +54,7 @@ class PointCloud(Summary):
         known: whether that is the camera's own; else it is as long as the picture is wide.
         pixels: of the scene.
         origin: where the focal length comes from, in words.
+        left_out: why pixels are no points, and how many.
     """
 
     points: NDArray[np.float32]
@@ -57,6 +63,18 @@ class PointCloud(Summary):
     known: bool
     pixels: int = 0
     origin: str = ""
+    left_out: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def said(self) -> str:
+        """How many pixels are points and why others are none, in words."""
+        why = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items() if count)
+        return f"{len(self.points)} points of {self.pixels} pixels" + (f" (left out: {why})" if why else "")
+
+    @property
+    def distance(self) -> tuple[float, float]:
+        """Metres along the optical axis to the nearest point and to the farthest."""
+        return float(-self.points[:, 2].max()), float(-self.points[:, 2].min())
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write a PLY file, which MeshLab, CloudCompare and Blender open.
@@ -75,9 +93,9 @@ class PointCloud(Summary):
         return points_figure(self.points[::step], self.colours[::step])
 
     def _facts(self) -> dict[str, str]:
-        near, far = -self.points[:, 2].max(), -self.points[:, 2].min()
+        near, far = self.distance
         return {
-            "points": f"{len(self.points)} of {self.pixels} pixels" if self.pixels else str(len(self.points)),
+            "points": self.said if self.pixels else str(len(self.points)),
             "distance": f"{near:.3g} to {far:.3g} m",
             "focal length": f"{self.focal_px:g} px{self.origin}",
         }
@@ -96,7 +114,8 @@ def point_cloud(
 ) -> PointCloud:
     """The points that the pixels of a scene with depth show.
 
-    A light field has disparities d in the place of depths z. Of views a ``baseline`` apart that are focused at a
+    Depth that was mapped onto the range of a camera is mapped back to the metres of the scene, as far as its attributes
+    tell. A light field has disparities d in the place of depths z. Of views a ``baseline`` apart that are focused at a
     distance, ``d = focal_px · baseline · (1/z − 1/focus)``.
 
     Args:
@@ -112,6 +131,9 @@ def point_cloud(
         DataError: no scene with depth, or one without any point.
         SettingError: a focal length that is not above 0, a confidence that the scene does not have, a light field
             without its focal length, baseline and focus, or another scene with these two.
+
+    Warns:
+        SceneWarning: points of a light field that are more than a hundred times as far away as the plane in focus.
     """
     of_views = {"baseline": baseline, "focus": focus}
     scene, picture = _scene(source, {"focal": focal_px, **of_views})
@@ -120,6 +142,7 @@ def point_cloud(
     if "depth" not in scene:
         _check_given({"focal": focal if known else None, **of_views})
     depth = _depth(scene, focal, of_views)
+    there = np.isfinite(depth) & (depth > 0)
     sure = None
     if least_confidence > 0:
         if "confidence" not in scene:
@@ -131,7 +154,20 @@ def point_cloud(
     if not len(points):
         where = str(source) if isinstance(source, str | Path) else "scene"
         raise DataError(where, "no pixel with a depth", "some", "take a lower --confidence" if sure is not None else "")
-    return PointCloud(points, colours, focal, known, depth.size, origin)
+    why = "without depth" if "depth" in scene else "with a disparity beyond infinity"
+    left_out = {why: int(np.sum(~there)), "below the confidence": 0 if sure is None else int(np.sum(there & ~sure))}
+    cloud = PointCloud(points, colours, focal, known, depth.size, origin, left_out)
+    if focus is not None:
+        _warn_of_far(cloud, _FAR * focus)
+    return cloud
+
+
+def _warn_of_far(cloud: PointCloud, limit: float) -> None:
+    """Warn of points so far away that an error of the disparity alone may have put them there."""
+    far = int(np.sum(-cloud.points[:, 2] > limit))
+    if far:
+        where = f"beyond {limit:g} m, {_FAR} times the focus: their disparity is nearly that of infinity"
+        warn(f"{far} of {len(cloud.points)} points lie {where}", SceneWarning, 3)
 
 
 def _focal(scene: xr.Dataset, given: float | None) -> tuple[float, bool, str]:
@@ -160,14 +196,15 @@ def _check_given(geometry: Mapping[str, float | None]) -> None:
 
 
 def _depth(scene: xr.Dataset, focal: float, of_views: Mapping[str, float | None]) -> NDArray[np.floating]:
-    """(H, W) metres; of disparities of views by their geometry, infinite and beyond where they are too small."""
+    """(H, W) metres of the scene, not those that it was mapped onto; of disparities of views by their geometry,
+    infinite and beyond where they are too small."""
     if "depth" in scene:
         for name, value in of_views.items():
             if value is not None:
                 raise SettingError(
                     name, f"{value:g}", "none: the scene has depth and is no light field", "leave it out"
                 )
-        return np.asarray(scene["depth"].values)
+        return unmapped_depth(scene["depth"].values, scene.attrs)
     for name, value in of_views.items():
         check_range(f"{name} of the light field", 0.0 if value is None else value, above=0, unit="m")
     baseline, focus = (float(value) for value in of_views.values() if value is not None)
@@ -230,8 +267,8 @@ def _read(source: str | Path, geometry: Mapping[str, float | None]) -> xr.Datase
         views = scene_parts(path) is None and open_views(path)
         return _maps(path, geometry) if views else _with_confidence(path)
     with open_contents(path) as contents:
-        maps, views = _has_maps(contents.arrays), find_light_field(contents)
-    if views is None:
+        maps, stored = _has_maps(contents.arrays), find_light_field(contents)
+    if stored is None:
         return _with_confidence(path)
     return read_dataset(path) if maps else _maps(path, geometry)
 

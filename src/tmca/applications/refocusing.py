@@ -42,7 +42,7 @@ def refocus(light_field: LightField, disparity: float | Sequence[float], **readi
         light_field: an estimate, its file, what `tmca.read` gives of a light field, an array of (V, U, H, W) or with
             three colours first, or a file, a folder, or the name of a rendered light field, in their colours.
         disparity: of what shall be sharp, px per view step, positive = nearer than the plane in focus.
-        reading: how files are read: ``views``, ``pattern`` and ``lens`` of `tmca.data.read_light_field`.
+        reading: how files are read: ``views``, ``crop``, ``pattern`` and ``lens`` of `tmca.data.read_light_field`.
 
     Returns:
         (y, x), or (colour, y, x); of several (disparity, …). Relative irradiance.
@@ -138,11 +138,11 @@ class _Anything:
 def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
     """Views of a file or a rendered light field, in their colours; of an even grid the centre ones."""
     if not Path(source).exists():
-        return load_light_field(source, colour=True, **reading)
+        return load_light_field(source, colour=True, size=reading.pop("crop", None), **reading)
     about = describe(source, **{name: reading[name] for name in ("pattern", "lens") if name in reading})
     if about["kind"] != "light field":
         taken = "snapshot" in about.get("variables", ())
-        found, remedy = f"a {about['kind']}", "tmca inspect says more"
+        found, remedy = f"no light field ({about['kind']})", "give the folder of the views; tmca inspect says more"
         if taken:
             found, remedy = "a snapshot", f"run tmca reconstruct {source} first"
         raise DataError(source, found, "a light field, or an estimate of one", remedy)
@@ -150,12 +150,13 @@ def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
     most = min(facts["views"])
     square = facts["views"][0] == facts["views"][1] and most % 2
     views = reading.pop("views", None if square else most - (most % 2 == 0))
+    crop = reading.pop("crop", None)
     with open_light_field(source, **reading) as contents:
         stored = find_light_field(contents)
         assert stored is not None  # as it was described
         estimated = "decoder" in contents.attrs  # whose values are relative irradiance already
         divide_by = 1.0 if estimated else None
-        return load_views(contents, stored, views=views, colour=facts["colour"], divide_by=divide_by)
+        return load_views(contents, stored, views=views, crop=crop, colour=facts["colour"], divide_by=divide_by)
 
 
 def disparity_seen(path: str | Path, facts: Mapping[str, Any], **reading: Any) -> tuple[float, float] | None:

@@ -21,7 +21,7 @@ from tmca.cameras.sensor_tiles import check_holds
 from tmca.data import read_dataset
 from tmca.data.depth_maps import UNKNOWN_KINDS, unknown_kinds
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.fitting import FITTED, METRES, fit_depth_scene, middle_of
+from tmca.data.fitting import FITTED, METRES, fit_depth_scene, middle_of, said_mapped
 from tmca.data.in_memory import as_depth_scene, as_tensors
 from tmca.data.point_cloud import FOCAL, FOCAL_OF
 from tmca.data.scene_names import READING, compare_source
@@ -138,7 +138,7 @@ class SpectralDepthApplication(Application):
                 pixels.
         """
         unknown = unknown_depth(scene["depth"], camera.planes)
-        check_depth_known(unknown, scene["depth"].size, camera.planes, str(scene.attrs.get("name", "scene")))
+        check_depth_known(unknown, scene["depth"].values, camera.planes, str(scene.attrs.get("name", "scene")))
         check_holds(camera.size, camera.bench.window)
         check_mask(camera.point_spread)
         of_scene = {FOCAL_OF: "scene"} if FOCAL in scene.attrs else {}
@@ -157,6 +157,12 @@ class SpectralDepthApplication(Application):
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:
         """See ``Application``: those of the cube, and of the depth where it is known."""
         return spectral_depth_metrics(estimate["values"][0], estimate["depth"], truth, camera.planes)
+
+    def remarks(self, estimate: xr.Dataset) -> list[str]:
+        """See ``Application``: that metres are those of a mapped scene."""
+        planes = attributes_of(_Planes, estimate.attrs, "estimate").depth_planes
+        said = said_mapped(estimate.attrs, planes.near, planes.far)
+        return [f"metres are those of the mapped scene: {said}"] if said else []
 
     def holds(self, about: Mapping[str, Any]) -> bool:
         return bool("confidence" in about["variables"] and about.get("depth"))
@@ -196,13 +202,17 @@ def reading_range(camera: Any) -> dict[str, Any]:
 def spectral_depth_metrics(
     cube: np.ndarray, depth: np.ndarray, truth: xr.Dataset, planes: DepthPlanes
 ) -> dict[str, float]:
-    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known.
+    """PSNR, SSIM, UIQI, SAM, … of the cube; MAE, RMSE and share within a bin of the depth where it is known, and the
+    MAE of the best constant.
 
     ``known_depth`` is the share of pixels where it is, within the range of the planes. One plane has no bins.
     """
     within = planes.within(torch.from_numpy(np.array(truth["depth"].values)))
     real = np.where(within.numpy(), truth["depth"].values, np.nan)
-    figures = {"depth_mae": depth_mae(depth, real), "depth_rmse": depth_rmse(depth, real)}
+    figures = {"depth_mae": depth_mae(depth, real), "depth_mae_of_constant": np.nan}
+    if within.any():
+        figures["depth_mae_of_constant"] = depth_mae(np.full_like(real, np.nanmedian(real)), real)
+    figures["depth_rmse"] = depth_rmse(depth, real)
     if planes.count > 1:
         figures["within_bin"] = within_bin(depth, real, planes.metres)
     return {**all_metrics(cube, truth["radiance"].values), **figures, "known_depth": float(within.double().mean())}
@@ -223,9 +233,17 @@ def said_unknown(counts: Mapping[str, Any], pixels: int) -> str:
     return f"{counts[TOTAL]} of {pixels} pixels of unknown depth" + (f" ({why})" if why else "")
 
 
-def check_depth_known(counts: Mapping[str, int], pixels: int, planes: DepthPlanes, where: str) -> None:
+def check_depth_known(counts: Mapping[str, int], depth: np.ndarray, planes: DepthPlanes, where: str) -> None:
     """Raises DataError where no pixel of a scene has a depth that the camera knows."""
-    if counts[TOTAL] == pixels:
+    if counts[TOTAL] == depth.size:
         expected = f"some within {planes.near:g} to {planes.far:g} m, the camera's depth range"
-        remedy = "choose another range (--depth), or map depth onto it (no --metric-depth)"
-        raise DataError(where, said_unknown(counts, pixels), expected, remedy)
+        known = depth[np.isfinite(depth) & (depth > 0)]
+        range_of_scene = f" {_outwards(known.min(), -1)},{_outwards(known.max(), 1)}" if known.size else ""
+        remedy = f"choose another range (--depth{range_of_scene}), or map depth onto it (no --metric-depth)"
+        raise DataError(where, said_unknown(counts, depth.size), expected, remedy)
+
+
+def _outwards(metres: float, way: int) -> str:
+    """Metres rounded down (``way`` -1) or up (1) to two digits."""
+    step = 10.0 ** (np.floor(np.log10(metres)) - 1)
+    return f"{way * np.ceil(way * metres / step) * step:.3g}"

@@ -73,8 +73,9 @@ def evaluate(
         save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
     if len(files) == 1:
         own = metrics[files[0]]
-        wide = max(map(len, own))
-        say(own, json, *(f"{name:{wide}s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items()))
+        wide, one = max(map(len, own)), found[files[0]]
+        lines = (f"{name:{wide}s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items())
+        say(own, json, *lines, *one.application.remarks(one.estimate))
         return
     say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), markdown=markdown)
 

@@ -22,7 +22,8 @@ def point_cloud(
     """Write SCENE as a cloud of coloured points (PLY), which MeshLab, CloudCompare and Blender open.
 
     Points are in metres before a pinhole camera at the origin: x to the right, y up, the scene at negative z. The
-    disparity of a light field needs --focal, --baseline and --focus for it.
+    disparity of a light field needs --focal, --baseline and --focus for it. Depth that was mapped onto the range of a
+    camera is mapped back to the metres of the scene.
 
     Args:
         scene: an estimate, a scene with depth, a light field, or a rendered one such as motorcycle or coffee:1.
@@ -43,5 +44,7 @@ def point_cloud(
     cloud = cloud_of(scene, focal, confidence, baseline=baseline, focus=focus)
     cloud.save(target, overwrite=overwrite)
     lengths = f"focal length {cloud.focal_px:g} px{cloud.origin}"
-    report = {"file": str(target), "points": len(cloud.points), "focal_px": cloud.focal_px, "focal_known": cloud.known}
-    say(report, json, f"{target}: {len(cloud.points)} points of {cloud.pixels} pixels, {lengths}")
+    near, far = cloud.distance
+    report = {"file": str(target), "points": len(cloud.points), "focal_px": cloud.focal_px, "focal_known": cloud.known,
+              "distance": [near, far], "left_out": dict(cloud.left_out)}  # fmt: skip
+    say(report, json, f"{target}: {cloud.said}, {near:.3g} to {far:.3g} m away, {lengths}")

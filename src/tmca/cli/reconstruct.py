@@ -115,6 +115,7 @@ class _Done:
     estimate: Any
     scene: Any
     report: dict[str, Any]
+    remarks: list[str]
 
     def lines(self) -> list[str]:
         """For people."""
@@ -123,7 +124,8 @@ class _Done:
         figures = (
             f"  {name:{wide}s} {value:.4g} {meaning(name)}".rstrip() for name, value in report["metrics"].items()
         )
-        return [f"{report['estimate']}: {report['decoder']}, {self.estimate.attrs['seconds']:.1f} s", *figures]
+        head = f"{report['estimate']}: {report['decoder']}, {self.estimate.attrs['seconds']:.1f} s"
+        return [head, *figures, *(f"  {line}" for line in self.remarks)]
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,7 @@ class _Job:
 
     def run(self, target: Path) -> _Done:
         """Decode, measure, write."""
+        from tmca.applications import application_of
         from tmca.applications.imaging import metric_notes
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
@@ -205,7 +208,8 @@ class _Job:
             written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite)
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
-        return _Done(estimate.to_xarray(), scene, report)
+        shown = estimate.to_xarray()
+        return _Done(shown, scene, report, application_of(self.taken.camera).remarks(shown))
 
     def _scene(self) -> Any:
         """The truth, brought to the camera; None where none is given."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.options.numbers import MaybeWhole
+from tmca.cli.options.numbers import MaybeWhole, size
 from tmca.cli.options.output import Json, Overwrite, say
 from tmca.errors import SettingError
 from tmca.specs import ViewsReading
@@ -27,6 +27,7 @@ def refocus(
     sweep: MaybeWhole = None,
     all_in_focus: bool = False,
     views: MaybeWhole = None,
+    crop: str | None = None,
     reading: Annotated[ViewsReading, READING] = _VIEWS,
     out: Path | None = None,
     overwrite: Overwrite = False,
@@ -44,6 +45,7 @@ def refocus(
         sweep: so many photographs, evenly over the disparities that the views show (5 to 95 %).
         all_in_focus: one photograph with everything in focus. As .nc it holds the disparity and its confidence too.
         views: n for the centre n×n views, odd; all without it.
+        crop: HEIGHTxWIDTH, the middle of the views.
         out: file to write: .png (one photograph, or several in a labelled strip), .gif (from far to near and back),
             .tif (a page for each, numbers as they are) or .nc. NAME_refocus.png, or NAME_sharp.png of --all-in-focus,
             in the current folder without it.
@@ -59,10 +61,10 @@ def refocus(
     check_target(target, overwrite)
     if Path(light_field).exists() and Path(light_field).resolve() == target.resolve():
         raise SettingError("--out", f"{target}, which is the input", "another file")
-    field = light_field_of(light_field, views=views, **reading.given())
+    field = light_field_of(light_field, views=views, crop=size(crop, "--crop"), **reading.given())
     made = _sharp(field) if all_in_focus else _stack(field, steps)
     _write(made, field, target, stem, overwrite)
-    _tell(made, target, all_in_focus, json)
+    _tell(made, field, target, json)
 
 
 def _asked(disparity: str | None, sweep: int | None, all_in_focus: bool) -> list[float] | int:
@@ -119,14 +121,15 @@ def _write(made: xr.Dataset, field: xr.DataArray, target: Path, stem: str, overw
     write_photographs(stack, target, brightest(field.values), title=f"{stem}, refocused", overwrite=overwrite)
 
 
-def _tell(made: xr.Dataset, target: Path, sharp: bool, json: bool) -> None:
-    import numpy as np
+def _tell(made: xr.Dataset, field: xr.DataArray, target: Path, json: bool) -> None:
+    from tmca.metrics import disparity_range
 
     report: dict[str, Any] = {"file": str(target)}
-    if sharp:
-        low, high = (round(float(end), 3) for end in np.quantile(made["disparity"].values, (0.05, 0.95)))
-        report["disparity"] = [low, high]
-        line = f"all in focus; disparity {low:.2f} to {high:.2f} px per view step (5 to 95 %)"
+    if "all_in_focus" in made:
+        seen = disparity_range(field.values)  # as `tmca inspect` tells it, and --sweep takes it
+        report["disparity"] = None if seen is None else [round(end, 3) for end in seen]
+        said = "" if seen is None else f"; disparity {seen[0]:.2f} to {seen[1]:.2f} px per view step (5 to 95 %)"
+        line = f"all in focus{said}"
     else:
         steps = [round(float(step), 4) for step in made["disparity"].values]
         report["disparity"] = steps

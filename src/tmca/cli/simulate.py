@@ -257,14 +257,10 @@ def _check_target(target: Path, kind: str, name: str, output: OutputOptions) -> 
 
 def _mapped(taken: Any) -> str:
     """Which depths of the scene lie in the camera's range, where they were mapped onto it."""
-    if "inverse_depth_scale" not in taken.notes:
-        return ""
-    scale, shift = taken.notes["inverse_depth_scale"], taken.notes["inverse_depth_shift"]
-    planes = taken.camera.planes
-    inverse = [(1 / end - shift) / scale for end in (planes.near, planes.far)]
-    depths = [1 / value if value > 1e-9 else float("inf") for value in inverse]
-    camera_range = f"{planes.near:g} to {planes.far:g} m (--metric-depth keeps metres)"
-    return f", depths of {depths[0]:.3g} to {depths[1]:.3g} m mapped onto {camera_range}"
+    from tmca.data.fitting import said_mapped
+
+    said = said_mapped(taken.notes, taken.camera.planes.near, taken.camera.planes.far)
+    return f", {said} (--metric-depth keeps metres)" if said else ""
 
 
 def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:

@@ -23,6 +23,8 @@ _OTHER_RANGE = "ask for a range inside the cube's (--range FIRST:LAST)"
 Scene = TypeVar("Scene", "xr.DataArray", "xr.Dataset")
 FITTED = ("inverse_depth_scale", "inverse_depth_shift")
 """Attributes of a scene whose inverse depth was mapped: 1/Z' = scale / Z + shift."""
+MAPPED = "depth of the mapped scene"
+"""What such a depth is called."""
 METRES = "metric_depth"
 """Attribute of a scene, and of what is made of it, whose depth stays in metres."""
 
@@ -298,6 +300,32 @@ def fitted_depth(
         "unknown_pixels": int(np.sum(~usable)), "outside_pixels": _outside(mapped[valid], near, far),
     }  # fmt: skip
     return depth.copy(data=fitted.astype(np.float32)).assign_attrs(about), about
+
+
+def mapping_of(attrs: Mapping[Any, Any]) -> tuple[float, float] | None:
+    """Scale and shift of inverse depth that attributes tell, see `FITTED`; None where depth was not mapped."""
+    given = [attrs.get(name) for name in FITTED]
+    numbers = [float(one) for one in given if isinstance(one, int | float | np.number) and np.isfinite(one)]
+    return (numbers[0], numbers[1]) if len(numbers) == len(FITTED) and numbers[0] > 0 else None
+
+
+def unmapped_depth(depth: NDArray[Any], attrs: Mapping[Any, Any]) -> NDArray[np.float64]:
+    """Depth in the metres of the scene, of one that was mapped as its attributes tell; infinite beyond infinity."""
+    metres, mapping = np.asarray(depth, np.float64), mapping_of(attrs)
+    if mapping is None:
+        return metres
+    with np.errstate(divide="ignore"):
+        inverse = (1 / metres - mapping[1]) / mapping[0]
+    return np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1.0), np.where(np.isfinite(metres), np.inf, np.nan))
+
+
+def said_mapped(attrs: Mapping[Any, Any], near: float, far: float) -> str:
+    """Which depths of a scene lie in the camera's range, ``depths of 2.1 to 5 m mapped onto 0.4 to 2 m``; nothing
+    where none was mapped."""
+    if mapping_of(attrs) is None:
+        return ""
+    first, last = unmapped_depth(np.array([near, far * (1 - 1e-9)]), attrs)
+    return f"depths of {first:.3g} to {last:.3g} m mapped onto {near:g} to {far:g} m"
 
 
 def _outside(inverse: NDArray[np.float64], near: float, far: float) -> int:

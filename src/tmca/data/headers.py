@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tmca.data.cubes import locate_cube
 from tmca.data.formats.opening import open_contents
-from tmca.data.light_fields import find_light_field, open_light_field
+from tmca.data.light_fields import find_light_field, not_spectral, open_light_field
 from tmca.data.rendering import is_rendered, rendered_names
 from tmca.data.rendering.photographs import linear_rgb, no_such_scene
 from tmca.data.rendering.pictures import checked_wavelengths
@@ -34,7 +34,7 @@ def wavelengths_of(
     with open_contents(source) as contents:
         views = find_light_field(contents, variable)
         if views is not None:
-            raise DataError(source, f"a scene of {', '.join(views.dims)}", "a spectral scene")
+            raise not_spectral(source)
         given = None if wavelengths is None else np.asarray(list(wavelengths), dtype=np.float64)
         return locate_cube(contents, variable, given).metres
 

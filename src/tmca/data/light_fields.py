@@ -249,6 +249,12 @@ def no_light_field(contents: Contents, variable: str | None = None) -> DataError
     return DataError(contents.path, found, expected, "give the names' pattern= (--pattern) for a folder of views")
 
 
+def not_spectral(source: object) -> DataError:
+    """The error for a light field in the place of a spectral scene."""
+    remedy = 'take it for the light-field camera: tmca simulate light-field, tmca.read(…, "light-field")'
+    return DataError(source, "a light field", "a spectral scene", remedy)
+
+
 USUAL = "gt_disp_lowres.pfm"
 """The HCI benchmark's disparity at the size of its views."""
 ESTIMATED = "estimated"

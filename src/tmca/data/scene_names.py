@@ -58,7 +58,8 @@ def compare_source(source: str, truth: str) -> None:
     Warns:
         SceneWarning: their names differ.
     """
-    if Path(source).stem != Path(truth).stem:
+    one, other = (Path(name).stem.removesuffix(":0") for name in (source, truth))  # coffee:0 is coffee
+    if one != other:
         warn(f"truth: {truth} is beside a snapshot of {source}; is that the same scene?", SceneWarning, stacklevel=3)
 
 

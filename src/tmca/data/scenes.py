@@ -14,7 +14,7 @@ from tmca.data.describe import depth_in
 from tmca.data.fitting import VISIBLE, bands_within, middle_of, select_bands, usual_span
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_field_scenes import load_light_field
-from tmca.data.light_fields import find_light_field
+from tmca.data.light_fields import find_light_field, not_spectral
 from tmca.data.rendering import is_rendered, rendered_scene
 from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.rgbd import holds_rgbd, refuse_rgbd
@@ -43,7 +43,14 @@ def read_scene(source: str | Path, kind: Kind | None = None, **reading: Any) -> 
         source: a file or folder, or the name of a rendered scene (``coffee``).
         kind: of the camera: ``"spectral"``, ``"light-field"`` or ``"spectral-depth"``; without, what the file is: a
             light field, a scene with depth, or else a cube, as rendered scenes are.
-        reading: further arguments of `load_scene`, `load_light_field` or `load_spectral_depth`.
+        reading: how it is read. For every camera ``size``: (H, W) pixels, the middle of the scene (``--crop``).
+            Spectral: ``bands``, how many (None: all), ``range``, (first, last) metres that they are taken from,
+            ``wavelengths`` of the file, metres, ``variable`` of several, ``scale``, the stored value of white,
+            ``negative``. Light field: ``views``, n of the centre n×n (None: all), ``scale``, so many pixels per axis
+            averaged into one, ``colour``, ``pattern``, ``lens``. With depth: ``wavelengths``, metres, ``near`` and
+            ``far`` of the camera's range, metres, ``reduce``, so many pixels per axis averaged into one,
+            ``fitted=False``, which keeps metres, ``placed``, ``from_rgb``, ``materials``. `tmca.data.load_scene`,
+            `load_light_field` and `load_spectral_depth` say more.
 
     Returns:
         (wavelength, y, x) relative irradiance; (view_v, view_u, y, x) or with colours first; or a dataset of
@@ -120,6 +127,8 @@ def load_scene(
         raise no_such_scene(name)
     else:
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
+        if "view_v" in cube.dims:
+            raise not_spectral(name)
     cube = _banded(cube, bands, None if range is None else _span(range))
     cube = cube if size is None else middle_of(cube, size, name)
     cube.attrs["name"] = Path(name).stem

@@ -61,7 +61,8 @@ class Estimate(Summary):
     def to_xarray(self) -> xr.Dataset:
         """Labelled arrays: ``estimate`` and ``deviation``, or ``radiance``, ``depth`` and ``confidence``.
 
-        A batch of one has no axis of its own; colours of a light field have.
+        A batch of one has no axis of its own; colours of a light field have. What the views of a light field show
+        together takes a while and is in `maps`; `save` writes both.
         """
         import xarray as xr
 
@@ -105,6 +106,13 @@ class Estimate(Summary):
 
         return xr.Dataset(view_maps(self.to_xarray()))
 
+    @property
+    def _has_maps(self) -> bool:
+        """Whether `maps` has any, which takes a while to compute."""
+        views = getattr(self.camera, "views", ())
+        still = self.values.ndim == 1 + len(self.camera.scene_shape) and len(self.values) in (1, 3)
+        return still and self.camera.kind == "light-field" and max(views) > 1
+
     def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
         """Write `to_xarray` and, of a light field, its `maps` as NetCDF, whole or not at all.
 
@@ -117,6 +125,9 @@ class Estimate(Summary):
 
     def plot(self, truth: Any = None, at: Sequence[tuple[int, int]] | None = None) -> Figure:
         """The estimate in pictures: composites or views, depth if any, errors and predicted deviation, spectra.
+
+        The disparity of a light field is drawn by ``estimate.maps["disparity"].plot()``, and beside the truth by
+        `tmca reconstruct`.
 
         Args:
             truth: the scene, its name or file, or an array as large as the estimate, brought to the camera's bands and
@@ -144,13 +155,14 @@ class Estimate(Summary):
 
     def _facts(self) -> dict[str, str]:
         more = [name for name in ("deviation", "depth", "confidence") if getattr(self, name) is not None]
-        seen = ("psnr", "ssim", "sam", "depth_mae")
+        seen = ("psnr", "ssim", "sam", "depth_mae", "disparity_mae", "disparity_agreement_mae")
         merit = {name: float(self.notes[f"metric_{name}"]) for name in seen if f"metric_{name}" in self.notes}
         return {
             "camera": in_a_line(self.camera),
             "values": sizes(self.values.shape) + (f", with {' and '.join(more)}" if more else ""),
             "decoder": f"{self.decoder}, {self.seconds:.2g} s",
             "prior": str(self.notes.get(PRIOR, "")),
+            "maps": "disparity, confidence and all_in_focus in .maps, and in the file" if self._has_maps else "",
             "scene": str(self.notes.get("scene", "")),
             "metrics": ", ".join(f"{name} {value:.4g}" for name, value in merit.items()),
         }

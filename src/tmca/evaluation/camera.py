@@ -107,8 +107,9 @@ class CameraEvaluation:
     What is here serves any camera that has an application; a camera that needs more has a subclass, which is registered
     by its ``kind`` as it is defined. ``Reading`` says how its scenes are read, ``labels`` are names of decoders where
     tables of sweeps show others than their own, ``sweeps_networks`` tells whether a sweep trains networks at every
-    combination, ``always_learned`` names the kinds of priors that a study needs for other things than decoders, and
-    ``pictures`` has the captions of the pictures of every scene by the endings of their names.
+    combination, ``always_learned`` names the kinds of priors that a study needs for other things than decoders,
+    ``pictures`` has the captions of the pictures of every scene by the endings of their names, ``beside`` are columns
+    that help to judge the metrics.
     """
 
     kind: str
@@ -117,6 +118,7 @@ class CameraEvaluation:
     Reading: ClassVar[type[BaseModel]] = AnyReading
     always_learned: ClassVar[tuple[str, ...]] = ()
     pictures: ClassVar[Mapping[str, str]] = {}
+    beside: ClassVar[Sequence[Column]] = ()
 
     def __init__(self, kind: str = "") -> None:
         self.kind = kind or self.kind
@@ -140,6 +142,10 @@ class CameraEvaluation:
     def columns(self) -> Sequence[Column]:
         """Of its metrics in tables."""
         return self.application.columns
+
+    def warnings(self, rows: Iterable[Row]) -> list[str]:
+        """Lines about rows of a table whose metrics say less than they seem to."""
+        return []
 
     @property
     def metric(self) -> str:
@@ -193,11 +199,9 @@ class CameraEvaluation:
         measured: Sequence[str],
         stage: TrainStage,
     ) -> Settings:
-        """``train``, ``validation`` and ``prior`` of a run: given scenes, as often as the stage says, and rendered
-        ones; none that is measured.
+        """``train``, ``validation`` and ``prior`` of a run: given scenes, repeated, and rendered ones; none measured.
 
-        Given scenes make the prior alone: rendered ones among them cost the first estimate up to 1.8 dB on scenes left
-        out.
+        Given scenes make the prior alone: rendered ones among them cost the first estimate up to 1.8 dB.
         """
         rendered = {part: sorted(names) for part, names in self.rendered().items()} if stage.rendered else {}
         return {

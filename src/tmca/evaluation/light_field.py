@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from tmca.applications.light_field import AGREEMENT
 from tmca.applications.report import Section
 from tmca.cameras import LightFieldCamera
 from tmca.data import read_dataset, split_rendered_light_fields
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
 
 FILES = ("scale", "pattern", "lens")
 """What is asked of light fields from files."""
+SPREAD, _FLAT = "disparity_spread", 0.25
+"""Name of how much a disparity varies, and the part of that of the true views below which it is flat."""
 
 
 class StudyLightFieldReading(BaseModel):
@@ -73,17 +76,29 @@ class LightFieldEvaluation(CameraEvaluation):
         "psnr": "PSNR of every view",
         "disparity": "Disparity that one estimator sees in the reconstructed views",
     }
+    beside: ClassVar = (
+        ("disparity_mae_of_constant", "disparity MAE of a constant (px)", ".3f"),
+        (f"{AGREEMENT}_mae_of_constant", "mean difference of a constant (px)", ".3f"),
+        (SPREAD, "disparity varies by (px, 5 to 95 %)", ".3f"),
+    )
 
     @property
     def columns(self) -> Sequence[Column]:
         """See ``CameraEvaluation``: also of the disparity (px per view step) that one fixed estimator sees in
-        reconstructed views, against the truth and against what it sees in the true views."""
+        reconstructed views: against the truth, and the mean difference from what it sees in the true views."""
         return (
             *self.application.columns,
             ("disparity_mae", "disparity MAE (px)", ".3f"),
             ("disparity_badpix", "BadPix 0.07", ".1%"),
-            ("agreement_mae", "from that of the true views (px)", ".3f"),
+            (f"{AGREEMENT}_mae", "disparity: mean difference from that of the true views (px)", ".3f"),
         )
+
+    def warnings(self, rows: Iterable[Row]) -> list[str]:
+        """See ``CameraEvaluation``: rows whose disparity hardly varies, which may still be near that of the scene."""
+        flat = [row for row in rows if row.get(SPREAD, 1.0) < _FLAT * row.get(f"{SPREAD}_of_true", 0.0)]
+        named = ", ".join(dict.fromkeys(f"{row['code']} + {row.get('label', row['decoder'])}" for row in flat))
+        said = f"Flat disparity: {named}. It varies by less than a quarter of what the true views show; compare its "
+        return [f"{said}difference with that of a constant guess, the median."] if flat else []
 
     def load(self, source: str, reading: Settings, measured: bool = False) -> xr.DataArray:
         size, crop = (reading.get(name) if measured else None for name in ("size", "crop"))
@@ -146,7 +161,8 @@ class LightFieldEvaluation(CameraEvaluation):
         known, seen = self.disparity(cell.source, cell.reading), estimate_disparity(values)
         errors = {name: disparity_error(seen, known[maps].values) for name, maps in _ERRORS.items() if maps in known}
         for name, error in errors.items():
-            found["metrics"] |= {f"{name}_{key}": error[key] for key in ("mae", "badpix")}
+            found["metrics"] |= {f"{name}_{key}": error[key] for key in ("mae", "badpix", "mae_of_constant")}
+        found["metrics"] |= {SPREAD: _spread(seen), f"{SPREAD}_of_true": _spread(known["seen"].values)}
         views = {"psnr_per_view": psnr_per_view, "ssim_per_view": ssim_per_view}
         return found | {name: metric(values, truth.values).tolist() for name, metric in views.items()}
 
@@ -223,8 +239,14 @@ class LightFieldEvaluation(CameraEvaluation):
         return {"atoms": 1024} if prior_kind == "dictionary" else {}
 
 
-_ERRORS = {"agreement": "seen", "disparity": "truth"}
+_ERRORS = {AGREEMENT: "seen", "disparity": "truth"}
 """Names of errors of a disparity, and the map that they are counted from."""
+
+
+def _spread(disparity: np.ndarray) -> float:
+    """Px per view step from 5 to 95 % of the pixels."""
+    low, high = np.quantile(disparity, (0.05, 0.95))
+    return float(high - low)
 
 
 def _asked(reading: Settings, measured: bool = False) -> Reading:

@@ -200,6 +200,7 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
     metric, evaluation = study.evaluation.metric, study.evaluation
     heading, spec = next((heading, spec) for name, heading, spec in evaluation.columns if name == metric)
     columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED, *evaluation.columns]
+    columns += evaluation.beside
     scenes = dict.fromkeys(scene for row in rows for scene in row["scenes"])
     each = scenes if len(scenes) > 1 else ()
     columns += [(f"{metric} {scene}", f"{heading} {scene}", spec) for scene in each]
@@ -214,7 +215,8 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
          "seeds": ", ".join(format(value, spec) for value in row[f"seed_{metric}"])}
         for row in rows
     ]  # fmt: skip
-    return Section(title, not_meaningful(rows), shown, [*noises, *_there(columns, shown)])
+    said = [*not_meaningful(rows), *evaluation.warnings(shown)]
+    return Section(title, said, shown, [*noises, *_there(columns, shown)])
 
 
 def parts_of(found: Row) -> dict[str, list[str]]:

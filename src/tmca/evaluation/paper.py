@@ -85,7 +85,8 @@ def summary(study: Study, found: Row) -> tuple[list[Row], list[Column]]:
     rows = [{**row, "label": labels.get(row["decoder"], row["decoder"])} for row in found["rows"]]
     columns: list[Column] = [("code", "code", ""), ("label", "decoder", ""), MEASURED]
     columns += [("noise", "noise", "")] if len(study.noises) > 1 else []
-    columns += [*study.evaluation.columns, ("throughput", "light", ".1%"), ("seconds", "seconds", ".1f")]
+    columns += [*study.evaluation.columns, *study.evaluation.beside]
+    columns += [("throughput", "light", ".1%"), ("seconds", "seconds", ".1f")]
     return rows, [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
 
 

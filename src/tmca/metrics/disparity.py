@@ -261,7 +261,8 @@ def disparity_error(estimate: Any, truth: Any, mask: Any = None, *, bad: float =
 
     Returns:
         ``mae`` (mean absolute error), ``badpix`` (share in [0, 1] of pixels with an error above ``bad``),
-        ``mse_x100`` (mean squared error × 100), ``pixels`` (how many counted); ``nan`` where none counts.
+        ``mse_x100`` (mean squared error × 100), ``pixels`` (how many counted), ``mae_of_constant`` (mean absolute error
+        of the median of the truth, the best constant); ``nan`` where none counts.
 
     Raises:
         ShapeError: the shapes differ or are not those of maps.
@@ -273,11 +274,12 @@ def disparity_error(estimate: Any, truth: Any, mask: Any = None, *, bad: float =
         check_shape("mask", chosen, y.shape)
         counted &= chosen != 0
     if not counted.any():
-        return {"mae": np.nan, "badpix": np.nan, "mse_x100": np.nan, "pixels": 0.0}
-    error = np.abs(x[counted] - y[counted])
+        return {"mae": np.nan, "badpix": np.nan, "mse_x100": np.nan, "pixels": 0.0, "mae_of_constant": np.nan}
+    error, constant = np.abs(x[counted] - y[counted]), np.abs(y[counted] - np.median(y[counted]))
     return {
         "mae": float(error.mean()),
         "badpix": float((~(error <= bad)).mean()),  # an estimate that is not a number is a bad pixel, too
         "mse_x100": float(100 * (error**2).mean()),
         "pixels": float(counted.sum()),
+        "mae_of_constant": float(constant.mean()),
     }

@@ -74,6 +74,7 @@ def depth_figure(
     limits: Limits,
     truth: Pair | None = None,
     at: Sequence[tuple[int, int]] | None = None,
+    label: str = "depth",
 ) -> Figure:
     """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own.
 
@@ -85,6 +86,7 @@ def depth_figure(
         limits: near and far end of the colours, metres.
         truth: cube and depth.
         at: pixels (row, column) of the spectra; some of different spectra without.
+        label: what the depth is called.
 
     Raises:
         SettingError: a pixel outside the picture, or too many.
@@ -98,7 +100,7 @@ def depth_figure(
     for row, (title, cube, depth) in zip(axes, rows, strict=True):
         image(row[0], rgb_composite(cube, wavelengths, white), title)
         mark(row[0], points)
-        depth_map(row[1], depth, title=f"depth, {title}", limits=limits)
+        depth_map(row[1], depth, title=f"depth, {title}", limits=limits, called=label)
     image(axes[-1, 2], confidence, "confidence", top=1.0, bar="probability within a bin, as a share")
     if truth is not None:
         spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
@@ -190,7 +192,12 @@ def predicted_depth_figure(
 
 
 def depth_map(
-    axis: Axes, depth: np.ndarray, metric: bool = True, title: str = "depth", limits: Limits = (None, None)
+    axis: Axes,
+    depth: np.ndarray,
+    metric: bool = True,
+    title: str = "depth",
+    limits: Limits = (None, None),
+    called: str = "depth",
 ) -> None:
     """A depth map ``(H, W)`` in metres with its colour bar; what is near is warm, unknown pixels are grey.
 
@@ -200,7 +207,8 @@ def depth_map(
         metric: whether the metres are more than a name.
         title: above it.
         limits: of the colours, metres; those of the map without.
+        called: beside the bar.
     """
-    label = "depth (m)" if metric else "depth (m up to an affine map of 1/depth)"
+    label = f"{called} (m)" if metric else "depth (m up to an affine map of 1/depth)"
     bar = label if np.isfinite(depth).all() else f"{label}, grey: unknown"
     image(axis, depth, title, "turbo_r", limits[1], bar, limits[0], GREY)

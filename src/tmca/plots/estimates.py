@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.data.depth_scenes import load_spectral_depth
-from tmca.data.fitting import METRES, fit_cube, fit_depth_scene, fit_views
+from tmca.data.fitting import MAPPED, METRES, fit_cube, fit_depth_scene, fit_views, mapping_of
 from tmca.data.light_field_scenes import load_light_field
 from tmca.data.scene_names import READING
 from tmca.data.scenes import load_scene
@@ -135,7 +135,8 @@ def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, 
     how: dict[str, Any] = {"where": "truth", "mapped": METRES not in estimate.attrs}
     scene = None if truth is None else fit_depth_scene(truth, waves, _size(cube), *limits, **how)  # type: ignore[arg-type]
     real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
-    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real, at)
+    label = MAPPED if mapping_of(estimate.attrs) else "depth"
+    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real, at, label)
 
 
 def _other(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:

@@ -216,7 +216,12 @@ def disparity_figure(maps: Mapping[str, np.ndarray], truth: np.ndarray | None, v
 
 
 def geometry_figure(
-    sharp: np.ndarray, disparity: np.ndarray, confidence: np.ndarray, truth: np.ndarray | None, title: str
+    sharp: np.ndarray,
+    disparity: np.ndarray,
+    confidence: np.ndarray,
+    truth: np.ndarray | None,
+    title: str,
+    matched: bool = False,
 ) -> Figure:
     """The all-in-focus photograph, its disparity and confidence; below, the true disparity and the error, if known.
 
@@ -226,6 +231,7 @@ def geometry_figure(
         confidence: ``(H, W)`` from 0 to 1.
         truth: ``(H, W)``, px per view step.
         title: above the photograph.
+        matched: whether the truth is what the true views show, and the error a difference from that.
     """
     height, width = disparity.shape
     rows = 1 if truth is None else 2
@@ -238,8 +244,9 @@ def geometry_figure(
     image(axes[0, 2], confidence, "confidence", "cividis", 1.0, "0: another disparity fits as well, 1: none")
     if truth is not None:
         error = np.abs(disparity - truth)
-        image(axes[1, 1], truth, "true disparity", seen["cmap"], seen["vmax"], label, seen["vmin"], GREY)
-        image(axes[1, 2], error, _numbers(disparity, truth), "magma", error_top([error]), f"error ({_STEP})")
+        true, wrong = ("disparity of the true views", "difference") if matched else ("true disparity", "error")
+        image(axes[1, 1], truth, true, seen["cmap"], seen["vmax"], label, seen["vmin"], GREY)
+        image(axes[1, 2], error, _beside_constant(disparity, truth), "magma", error_top([error]), f"{wrong} ({_STEP})")
     return figure
 
 
@@ -286,3 +293,8 @@ def _error_label(maps: Mapping[str, np.ndarray], truth: np.ndarray, top: float) 
 def _numbers(estimate: np.ndarray, truth: np.ndarray) -> str:
     errors = disparity_error(estimate, truth)
     return f"MAE {errors['mae']:.3f} px, {errors['badpix']:.1%} above {BAD_PIXEL:g} px"
+
+
+def _beside_constant(estimate: np.ndarray, truth: np.ndarray) -> str:
+    constant = disparity_error(estimate, truth)["mae_of_constant"]
+    return f"{_numbers(estimate, truth)}\n(a constant guess: MAE {constant:.3f} px)"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.data.fitting import MAPPED, mapping_of
 from tmca.metrics import psnr
 from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, sample_points, white_level
@@ -187,7 +188,7 @@ def _with_depth(estimates: Mapping[Name, xr.Dataset], truth: Any, about: Mapping
     cube, depth = (None, None) if truth is None else (truth["radiance"].values, truth["depth"].values)
     panels, ends = _cubes(cubes, cube, waves), _ends(depths, depth, about)
     off = {} if depth is None else {name: np.abs(one - depth) for name, one in depths.items()}
-    scales = {"depth": Scale("depth (m)", "turbo_r", *ends)}
+    scales = {"depth": Scale(f"{MAPPED if mapping_of(about) else 'depth'} (m)", "turbo_r", *ends)}
     scales |= {"off": _error_scale("depth error (m)", [*off.values()], error_top)} if off else {}
     drawn = {
         name: [pictures[0], Picture(depths[name], "depth", f"{np.nanmean(off[name]):.3f} m off" if off else ""),

@@ -157,11 +157,21 @@ def _text(value: Any) -> Any:
 
 Numbers = Annotated[float | tuple[float, ...], BeforeValidator(_text)]
 """One number or several: ``1`` or ``0,1.5,3``."""
+
+
+def _near_far(value: Any) -> Any:
+    """``NEAR,FAR`` as two numbers."""
+    text = _joined(value)
+    if isinstance(text, str) and text.count(",") != 1:
+        raise SettingError("depth", text, "NEAR,FAR in metres, such as 2.0,5.1")
+    return _text(value)
+
+
 _PAIR = Field(min_length=2, max_length=2)
 Both = Annotated[tuple[float, ...], BeforeValidator(lambda value: _both(_joined(value))), _PAIR]
 """Two numbers, or one that stands for both: ``1`` or ``1,0.5``."""
 _Distance = Annotated[float, Field(gt=0, allow_inf_nan=True)]
-Distances = Annotated[tuple[_Distance, ...], BeforeValidator(_text), _PAIR]
+Distances = Annotated[tuple[_Distance, ...], BeforeValidator(_near_far), _PAIR]
 """Two distances in metres, the far one infinite perhaps: ``0.4,inf``."""
 Words = Annotated[tuple[str, ...], BeforeValidator(_words)]
 """Words separated by commas."""

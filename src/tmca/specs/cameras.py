@@ -121,14 +121,14 @@ class SpectralDepthSpec(CameraSpec):
     "Start from a named camera: thesis, diffractive (its phase mask alone), quick, quick-diffractive."
     slots: Slots | None = None
     "Time slots K within the exposure."
+    depth: Distances = (0.4, 2.0)
+    "NEAR,FAR of the depth planes, metres."
     mask: str | None = None
     "Phase mask: flat, zernike, free-form, rotational or lens."
     shutter: str | None = None
     "Shutter codes: random, static, open, one-hot, complementary, blue-noise, s-matrix, balanced or burst."
     buckets: Buckets = 1
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
-    depth: Distances = (0.4, 2.0)
-    "NEAR,FAR of the depth planes, metres."
     planes: Annotated[int, Field(le=4096)] | None = None
     "Number of depth planes, even in inverse depth."
     codes: Path | None = None

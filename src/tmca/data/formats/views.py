@@ -132,8 +132,11 @@ def open_lenslet(path: Path, lens: tuple[int, int] = LENS) -> Contents:
     height, width = picture_size(path)
     if height % lens[0] or width % lens[1]:
         found = f"{height}×{width} pixels (height × width)"
+        expected = f"a multiple of the {lens[0]}×{lens[1]} views under a lens"
         remedy = "fetch it again, or give its lens grid with lens= (--lens)"
-        raise DataError(path, found, f"a multiple of the {lens[0]}×{lens[1]} views under a lens", remedy)
+        if "eslf" not in path.stem.lower() and lens == LENS:
+            remedy = "give the folder of the views: one picture is no light field without its lens grid, lens= (--lens)"
+        raise DataError(path, found, expected, remedy)
     pixels = cache(lambda: read_picture(path))
     dtype, channels = pixels().dtype, pixels().shape[2:]
 

@@ -40,6 +40,8 @@ export class LightField extends Desk {
 
   choose(mode) {
     this.mode = mode;
+    this.slider.root.hidden = mode !== "focus"; // nothing else is focused by hand
+    if (this.slider.root.parentNode) this.slider.root.parentNode.hidden = mode !== "focus";
     const names = Object.keys(MODES);
     this.buttons.forEach((button) => button.setAttribute("aria-pressed", button.textContent === MODES[mode]));
     const hints = { view: "Drag over the picture, or use the arrow keys on it, to walk through the views.", focus: "What has this disparity is sharp. Positive is nearer than the plane in focus.", sharp: "The mean of all views along the disparity of every pixel." };
@@ -80,7 +82,7 @@ export class LightField extends Desk {
     const layer = item.layers[0], spec = { key: `${item.number}/picture`, title: item.title, size: layer.size, item, layer, index: 0, bar: null, wide: this.items.length === 1 && !item.layers[1] };
     if (this.mode !== "view") {
       const plane = this.focused(item);
-      const note = this.mode === "focus" ? `refocused at ${shown(this.focus, 3)} px per view step` : "all in focus";
+      const note = this.mode === "focus" ? `focus at ${shown(this.focus, 3)} px` : "all in focus";
       return { ...spec, note, paint: { plane, picture: true, map: "grey" } };
     }
     const index = this.index(item);
@@ -134,7 +136,7 @@ export class LightField extends Desk {
     const layer = item.layers[0], [rows, columns] = item.grid, [y, , x] = this.placed(this.cursor, layer.size), step = layer.step;
     const count = across ? columns : rows, views = Array.from({ length: count }, (_, at) => this.planes.now(item.number, layer, across ? this.index(item, this.v, at) : this.index(item, at, this.u)));
     const title = across ? `epipolar lines of row ${y}` : `epipolar lines of column ${x}`, length = layer.size[across ? 1 : 0];
-    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `vertical: view ${across ? "column" : "row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [0, count] } };
+    const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `↕ view ${across ? "column" : "row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [-count / 2, count / 2] } };
     const data = views.every(Boolean) ? this.linesOf(views, across, Math.floor(y / step), Math.floor(x / step)) : null;
     const plane = data && { key: spec.key, data, rows: count, columns: data.length / count / 3, step: 1 };
     return { ...spec, paint: { plane, picture: true, map: "grey" } };

@@ -65,7 +65,7 @@ export class Panel {
   }
 
   #say(title, note) {
-    const said = `${title}, ${note}`;
+    const said = note ? `${title}, ${note}` : title;
     this.caption.classList.toggle("small", this.margin === SMALL);
     if (this.said === said) return;
     this.said = said;
