@@ -107,6 +107,7 @@ STATED = {
     "classic.nc": partial(save_netcdf, engine="scipy"),
     **{f"{''.join(order)}.nc": partial(save_netcdf, order=order) for order in permutations(("wavelength", "y", "x"))},
     "five.mat": lambda path, pixels, nm: scipy.io.savemat(path, {"hyper": last(pixels), "wavelengths": nm}),
+    "packed.npz": lambda path, pixels, nm: np.savez(path, hyper=last(pixels), wavelengths=nm),
     "seven.mat": lambda path, pixels, nm: save_73(
         path, hyper=(last(pixels), "single"), wavelengths=(nm[:, None], "double")
     ),

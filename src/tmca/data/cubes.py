@@ -148,6 +148,10 @@ def locate_cube(
     count = None if listed is None else listed.size
     stored = find_cube(contents, variable, count)
     axis = spectral_axis(stored, count)
+    if listed is None and stored.wavelengths is None and stored.misfit:
+        found = f"{stored.misfit} beside {stored.name} of {'×'.join(map(str, stored.shape))}"
+        remedy = "name them with wavelengths= (--wavelengths in nm)"
+        raise DataError(path, found, "one wavelength for each band", remedy)
     if contents.format == "picture" and listed is None:
         remedy = "make up its spectra with tmca.data.spectral_from_rgb, or pass wavelengths= if its channels are bands"
         raise DataError(path, f"a picture of {stored.shape[-1]} colour channels", "a spectral cube", remedy)

@@ -54,7 +54,8 @@ def open_npy(path: Path) -> Contents:
 @reads(".npz")
 def open_npz(path: Path) -> Contents:
     """The arrays of a ``.npz``, each loaded when it is asked for; Python objects are refused."""
-    return Contents(path, "NumPy", {name: _member(path, name, *head) for name, head in npz_heads(path).items()})
+    arrays = {name: _member(path, name, *head) for name, head in npz_heads(path).items()}
+    return Contents(path, "NumPy", give_wavelengths(arrays))
 
 
 def npz_heads(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:

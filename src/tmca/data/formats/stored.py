@@ -36,6 +36,7 @@ class Stored:
         usual_axis: where this format usually keeps the bands (0 or -1); decides only between equal lengths.
         pages: the first axis runs over pages, which are bands where nothing tells otherwise.
         full_scale: the divisor to relative irradiance where the file states it, else None.
+        misfit: wavelengths of the file that are as many as no axis is long, in words; else empty.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Stored:
     usual_axis: int = -1
     pages: bool = False
     full_scale: float | None = None
+    misfit: str = ""
 
     @property
     def numeric(self) -> bool:

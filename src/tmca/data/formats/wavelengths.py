@@ -260,15 +260,32 @@ def find_cube(contents: Contents, variable: str | None, count: int | None) -> St
 
 
 def give_wavelengths(arrays: dict[str, Stored]) -> dict[str, Stored]:
-    """Give each cube the vector of wavelengths kept beside it in the file, where its length fits an axis."""
+    """Give each cube the vector of wavelengths kept beside it in the file, where its length fits an axis; or note one
+    whose length fits no cube."""
+    cubes = {name: stored for name, stored in arrays.items() if len(stored.shape) == 3}
     for vector in [s for s in arrays.values() if s.name.rsplit("/", 1)[-1].lower() in NAMES]:
         if not vector.numeric or not vector.size or vector.size != max(vector.shape, default=0):
             continue
-        metres = from_file(vector.whole(), vector.attrs.get("units"))
-        for name, stored in arrays.items():
-            if metres is not None and len(stored.shape) == 3 and len(metres) in stored.shape:
-                arrays[name] = replace(stored, wavelengths=metres)
+        values = vector.whole()
+        metres = from_file(values, vector.attrs.get("units"))
+        if metres is None:
+            continue
+        fitting = [name for name, stored in cubes.items() if len(metres) in stored.shape]
+        arrays |= {name: replace(arrays[name], wavelengths=metres) for name in fitting}
+        if not fitting and _surely(vector.name, values):
+            misfit = f"{len(metres)} wavelengths in {vector.name}"
+            arrays |= {name: replace(arrays[name], misfit=misfit) for name in cubes}
     return arrays
+
+
+_OTHERS = frozenset({"band", "bands", "lambda", "lambdas", "centers", "centres"})
+"""Of ``NAMES`` those under which files also keep indices, weights or places."""
+
+
+def _surely(name: str, values: NDArray[Any]) -> bool:
+    """Whether a vector can only be a list of wavelengths: by its name, or by numbers that are nanometres."""
+    named = name.rsplit("/", 1)[-1].lower() not in _OTHERS
+    return values.size > 1 and (named or guess_unit(values.astype(np.float64)) == "nm")
 
 
 def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> tuple[float, str]:
