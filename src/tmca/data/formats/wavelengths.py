@@ -317,6 +317,21 @@ def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] 
     return (top, "maximum") if top > 1 else (1.0, "file")
 
 
+_CONVERTERS = (8, 10, 12, 14, 16, 24)
+"""Bits of counts that files of larger integers hold."""
+
+
+def few_counts(dtype: np.dtype[Any], top: float) -> str:
+    """What to say of integers that were divided by their type's maximum where the largest leaves two of its bits free,
+    as counts of fewer bits do; empty where there is nothing to say, as of bytes, which are seldom counts of fewer."""
+    white = np.iinfo(dtype).max if dtype.kind in "iu" else 0
+    fits = [bits for bits in _CONVERTERS if 2**bits > top]
+    if not fits or not 0 < top < (white + 1) / 4 or white < 2 ** _CONVERTERS[0]:
+        return ""
+    counts = f"counts of {fits[0]} bits take --scale {2 ** fits[0] - 1} (scale=)"
+    return f"its brightest value is {100 * top / white:.2g} % of white (scale {white}); {counts}"
+
+
 def _maximum(stored: Stored, axis: int, bands: NDArray[Any] | None) -> float:
     """The largest finite value of the whole array, read band by band unless it is in memory."""
     planes = (stored.plane(axis, i) for i in range(stored.shape[axis])) if bands is None else (bands,)
