@@ -90,6 +90,16 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert "without a test scene" not in page
 
 
+def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, capsys):
+    asked = ("study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger")
+    main([*asked, "--bands", "2", "--out", "few"])
+    told = "2 of 4 bands (--bands 4 for all)"
+    assert f"\n{told}\n" in capsys.readouterr().out
+    assert all(f"{told}." in (here / "few" / f"mug.{end}").read_text() for end in ("md", "html"))
+    main([*asked, "--out", "all"])
+    assert "bands" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("command", "commit", "told"), [
     ("tmca study a", "0123", "Command: `tmca study a` at commit `0123`."),
     ("tmca study a", None, "Command: `tmca study a`."), ("", None, "Called from Python."),

@@ -70,7 +70,9 @@ def spectral(
         how |= _range_of(scenes, how)
     moved = pair(motion, "--motion")
     taken = _taken(CameraChoice(camera, sensor), how, scenes, calibration, hardware, output, assumed, motion=moved)
-    _write(*taken, output, {"bands": taken[0].camera.bands}, f"{taken[0].camera.bands} bands")
+    count, there = taken[0].camera.bands, taken[0].notes.get("source_bands")
+    said = f"{count} of {there} bands (--all-bands for all)" if there else f"{count} bands"
+    _write(*taken, output, {"bands": count, **({"source_bands": there} if there else {})}, said)
 
 
 def _range_of(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
@@ -294,5 +296,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
-    how = f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}"
-    say(report, output.json, *lines, how)
+    noise = taken.camera.noise.in_words()
+    noise = "no noise (--full-well, --read-noise)" if noise == "none" else f"noise: {noise}"
+    lines.append(f"light throughput {report['throughput']:.1%}; {noise}")
+    say(report, output.json, *lines, f"reconstruct it with: tmca reconstruct {target}{how}")

@@ -94,7 +94,8 @@ def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool
         return
     names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md and .json"
     open_first = f"open {out / asked.name}.html; beside it {names}"
-    say(found, json, markdown_table(*summary(asked, found)), open_first, markdown=markdown)
+    bands = [found["bands"]] if found.get("bands") else []
+    say(found, json, markdown_table(*summary(asked, found)), *bands, open_first, markdown=markdown)
 
 
 def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

@@ -104,6 +104,7 @@ def _about(study: Study, found: Row) -> list[str]:
     seeds = f"{study.seeds} seeds" if study.seeds > 1 else "one seed"
     span = study.reading.get("range")
     bands = f" Bands from {span[0] * 1e9:g} to {span[1] * 1e9:g} nm." if span else ""
+    bands += f" {found['bands']}." if found.get("bands") else ""
     return [
         f"{len(study.codes)} codes and {len(study.decoders)} decoders of a {study.camera} camera on "
         f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",
