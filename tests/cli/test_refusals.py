@@ -60,6 +60,7 @@ REFUSED = {
         "--dispersion 1e6": "--dispersion",
         "--relay-blur -1": "--relay-blur",
         "--read-noise -1": "--read-noise: found -1",
+        "--sensor none.yaml": "none.yaml: found no such file",
         "--exposure mean": ("mean", "per-slot"),
         "--bits 8.7": "--bits: found 8.7",
         "--duty -1": "--duty: found -1",

@@ -45,6 +45,16 @@ def test_the_noise_and_the_bands_that_are_left_out_are_said(camera, capsys):
     assert str(snapshot).endswith("scene: coffee, 3 of 31 bands") == (camera == "spectral")
 
 
+@pytest.mark.parametrize("camera", SMALL)
+def test_a_sensors_file_is_that_of_a_design_and_options_replace_its_values(tmp_path, camera):
+    sheet = "full_well: 5000\nread_noise_electrons: 3\nbits: 12\nexposure: 0.01\npattern_rate: 1000\n"
+    (tmp_path / "cam.yaml").write_text(sheet)
+    filed = taken(camera, "a.nc", "--sensor", str(tmp_path / "cam.yaml"), "--bits", "10")
+    typed = taken(camera, "b.nc", "--full-well", "5000", "--read-noise-electrons", "3", "--bits", "10")
+    assert torch.equal(filed.values, typed.values)
+    assert filed.camera.sensor.settings() == typed.camera.sensor.settings()
+
+
 def test_a_scene_whose_bands_are_all_taken_says_nothing_of_them(capsys):
     main(["simulate", "spectral", "coffee", "--crop", "24x28", "--all-bands", "--no-figures", "--out", "a.nc"])
     assert " 31 bands, K" in capsys.readouterr().out

@@ -89,7 +89,7 @@ UNUSABLE = {
         mat(cube=CAVE, wl=np.linspace(400, 700, 30)), "a.mat", {},
         "found 30 wavelengths in wl beside cube of 5×6×31, expected one wavelength for each band; name them",
     ),
-    "too many bands in the file": (mat(x=CAVE, bands=np.linspace(400, 720, 33)), "a.mat", {}, "33 wavelengths in bands"),
+    "too many in the file": (mat(x=CAVE, bands=np.linspace(400, 720, 33)), "a.mat", {}, "33 wavelengths in bands"),
     "too few in the sidecar": (with_sidecar("400 410 420"), "a.mat", {}, "found 3 wavelengths"),
     "words in the sidecar": (with_sidecar("400\n410\nviolet\n"), "a.mat.wavelengths.txt", {}, "violet"),
     "micrometres in the sidecar": (with_sidecar("0.4 0.5 0.6"), "a.mat.wavelengths.txt", {}, "in nm"),

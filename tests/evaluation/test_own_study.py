@@ -238,8 +238,10 @@ def test_sensors_of_a_file_are_one_or_several_by_name(here):
     assert read_sensors("sensor.yaml") == {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}
     (here / "two.yaml").write_text("dim: {read_noise: 0.1}\nbright: {full_well: 1000, bits: 8}\n")
     assert read_sensors("two.yaml") == {"dim": {"read_noise": 0.1}, "bright": {"full_well": 1000, "bits": 8}}
-    (here / "odd.yaml").write_text("exposure: 3\n")
-    with pytest.raises(DataError, match=r"odd.yaml.*exposure"):
+    (here / "sheet.yaml").write_text("bits: 8\nexposure: 3\npattern_rate: 100\n")
+    assert read_sensors("sheet.yaml") == {"sheet": {"bits": 8}}
+    (here / "odd.yaml").write_text("full_wel: 3\n")
+    with pytest.raises(DataError, match=r"odd.yaml: full_wel: .*; did you mean full_well\?"):
         read_sensors("odd.yaml")
 
 

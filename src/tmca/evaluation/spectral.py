@@ -57,13 +57,14 @@ class SpectralReading(BaseModel):
 
 
 def _some_bands(study: Study, there: Sequence[NDArray[np.float64]]) -> str:
-    """How many of the scenes' bands are measured, where some have more; with what takes all, where that is one number."""
+    """How many of the scenes' bands are measured, where some have more, and how all are, where that is one number."""
     low, high = study.reading["range"] or VISIBLE
     bands, counts = study.reading["bands"], sorted({len(metres) for metres in there})
     if not counts or counts[-1] <= bands:
         return ""
+    option = f"--bands {counts[0]}" if study.figure else f"bands: {counts[0]} of the reading"
     whole = all(metres.min() > low - 1e-9 and metres.max() < high + 1e-9 for metres in there)
-    hint = f" ({f'--bands {counts[0]}' if study.figure else f'bands: {counts[0]} of the reading'} for all)" if whole and len(counts) == 1 else ""
+    hint = f" ({option} for all)" if whole and len(counts) == 1 else ""
     return f"{bands} of {' or '.join(map(str, counts))} bands{hint}"
 
 
