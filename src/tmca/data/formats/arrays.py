@@ -47,6 +47,9 @@ _DEEPEST, _MOST_DATASETS = 64, 100_000
 def open_npy(path: Path) -> Contents:
     """A ``.npy`` array, memory-mapped; Python objects are refused."""
     with whole_file(path, NUMPY):
+        with path.open("rb") as file:
+            if file.read(len(np.lib.format.MAGIC_PREFIX)) != np.lib.format.MAGIC_PREFIX:
+                raise ValueError("it does not begin as what numpy.save writes")
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     return Contents(path, "NumPy", {path.stem: from_array(path.stem, array, usual_axis=0)})
 
