@@ -10,6 +10,7 @@ ATTRIBUTES: Meanings = {
     # snapshots and estimates
     "scene": "name of the scene",
     "noise_seed": "seed of the noise",
+    "source_bands": "bands of the scene, where only some of them were imaged",
     "camera": "kind of the camera: `spectral`, `light-field`, `spectral-depth`",
     "exposure": "`equal`: the slots share one exposure; `per-slot`: each has one",
     "full_scale": "level of a white scene with everything open, snapshot units",
@@ -131,6 +132,7 @@ _STUDY: Meanings = {
     "searches": "codes that were searched for",
     "rows": "a row for each code, noise and decoder, with figures of merit scene by scene and seed by seed",
     "expected_error": "expected and measured errors, where they are compared",
+    "bands": "how many of the scenes' bands are measured, where some have more",
     "pictures": "files of pictures, with their titles",
     "failed": "cells that failed, and why",
 }

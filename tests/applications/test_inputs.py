@@ -107,6 +107,19 @@ def test_bands_without_wavelengths_are_assumed_and_that_is_said(form):
     assert snapshot.camera.wavelengths == pytest.approx([400e-9, 550e-9, 700e-9])
 
 
+@pytest.mark.parametrize("kind", [np.asarray, torch.from_numpy])
+def test_bands_that_are_last_in_an_array_are_recognised_as_in_files_where_the_camera_has_none(kind):
+    values = np.random.default_rng(0).random((24, 24, 31)).astype(np.float32)
+    with pytest.warns(SceneWarning, match=r"24×24×31, taken as \(rows, columns, bands\)"):
+        taken = tmca.simulate(kind(values), tmca.SpectralCamera(slots=2))
+    with pytest.warns(SceneWarning, match="without wavelengths") as warned:
+        same = tmca.simulate(kind(np.moveaxis(values, -1, 0)), tmca.SpectralCamera(slots=2))
+    assert not any("taken as (rows" in str(one.message) for one in warned)
+    assert torch.equal(taken.values, same.values)
+    with pytest.raises(ShapeError, match="24, 24, 31"):
+        tmca.simulate(kind(values), tmca.SpectralCamera(bands=31, size=(24, 24), slots=2))
+
+
 def test_of_a_single_band_the_wavelength_that_is_taken_is_said():
     with pytest.warns(SceneWarning, match="1 band without a wavelength, taken as 550 nm"):
         assert even_bands(1) == pytest.approx([550e-9])

@@ -205,6 +205,14 @@ def test_dimmed_scenes_see_more_noise(capsys):
     assert "--light: found 0.9" in refused(capsys, *SMALL, "--light", "0.9", "--out", "d")
 
 
+@pytest.mark.parametrize("name", ["quantum_efficiency", "QE", "pixel_size", "gain"])
+def test_what_counts_no_electrons_does_not_enter(capsys, name):
+    Path("s.yaml").write_text(f"full_well: 10000\n{name}: 0.62\n")
+    said = refused(capsys, *SMALL, "--sensor", "s.yaml", "--out", "d")
+    assert f"s.yaml: {name}: found an unknown name" in said
+    assert "count electrons, so that quantum efficiency, pixel size and gain do not enter" in said
+
+
 @pytest.mark.parametrize("text", ["full_wel: 3", "full_well: many", "- 3"])
 def test_a_sheet_that_cannot_be_read_is_one_line(capsys, text):
     Path("s.yaml").write_text(text)

@@ -33,6 +33,34 @@ def test_the_file_keeps_the_camera_that_is_known(camera):
     assert "hardware" not in perfect.notes
 
 
+@pytest.mark.parametrize("camera", SMALL)
+def test_the_noise_and_the_bands_that_are_left_out_are_said(camera, capsys):
+    taken(camera, "a.nc")
+    silent = capsys.readouterr().out
+    assert "; no noise (--full-well, --read-noise)\n" in silent
+    assert ("3 of 31 bands (--all-bands for all)" in silent) == (camera == "spectral")
+    snapshot = taken(camera, "b.nc", "--read-noise", "0.002")
+    assert "; noise: read σ = 0.002\n" in capsys.readouterr().out
+    assert "noise: read σ = 0.002\n" in str(snapshot)
+    assert str(snapshot).endswith("scene: coffee, 3 of 31 bands") == (camera == "spectral")
+
+
+@pytest.mark.parametrize("camera", SMALL)
+def test_a_sensors_file_is_that_of_a_design_and_options_replace_its_values(tmp_path, camera):
+    sheet = "full_well: 5000\nread_noise_electrons: 3\nbits: 12\nexposure: 0.01\npattern_rate: 1000\n"
+    (tmp_path / "cam.yaml").write_text(sheet)
+    filed = taken(camera, "a.nc", "--sensor", str(tmp_path / "cam.yaml"), "--bits", "10")
+    typed = taken(camera, "b.nc", "--full-well", "5000", "--read-noise-electrons", "3", "--bits", "10")
+    assert torch.equal(filed.values, typed.values)
+    assert filed.camera.sensor.settings() == typed.camera.sensor.settings()
+
+
+def test_a_scene_whose_bands_are_all_taken_says_nothing_of_them(capsys):
+    main(["simulate", "spectral", "coffee", "--crop", "24x28", "--all-bands", "--no-figures", "--out", "a.nc"])
+    assert " 31 bands, K" in capsys.readouterr().out
+    assert "source_bands" not in Snapshot.load("a.nc").notes
+
+
 def test_faults_come_from_a_file_too(tmp_path):
     (tmp_path / "bench.yaml").write_text("misregistration: [0.5, -1]\ncontrast_ratio: 40\n")
     one = taken("spectral", "a.nc", "--hardware", "bench.yaml")

@@ -71,7 +71,9 @@ UNUSABLE = {
     "ENVI cut short": (envi(lambda _, data: data.write_bytes(b"0" * 3636)), "scene.raw", {}, "3636 bytes"),
     "ENVI without data": (envi(lambda _, data: data.unlink()), "scene.hdr", {}, "no data file beside"),
     "no ENVI": (envi(lambda header, _: header.write_text("none")), "scene.hdr", {}, "truncated ENVI header"),
-    "missing": (lambda folder: None, "gone.mat", {}, "no such file"),
+    "missing": (lambda folder: None, "gone.mat", {}, "no such file or folder"),
+    "missing beside another": (text("painting.mat", "x"), "paintin.mat", {}, "did you mean painting.mat?"),
+    "a text": (text("a.npy", "hello, this is text"), "a.npy", {}, "(it does not begin as what numpy.save writes)"),
     "an empty folder": (folder_of("empty"), "empty", {}, "_ms_01.png"),
     "a folder of other things": (folder_of("other", "notes.txt"), "other", {}, "without band images"),
     "an export": (folder_of("shown", "manifest.json"), "shown", {}, "`tmca export check "),
@@ -85,6 +87,11 @@ UNUSABLE = {
     ),
     "no wavelengths": (mat(x=np.zeros((20, 22, 9))), "a.mat", {}, "a.mat.wavelengths.txt"),
     "band numbers": (mat(x=np.zeros((20, 22, 9)), bands=np.arange(1.0, 10.0)), "a.mat", {}, "9 bands"),
+    "too few in the file": (
+        mat(cube=CAVE, wl=np.linspace(400, 700, 30)), "a.mat", {},
+        "found 30 wavelengths in wl beside cube of 5×6×31, expected one wavelength for each band; name them",
+    ),
+    "too many in the file": (mat(x=CAVE, bands=np.linspace(400, 720, 33)), "a.mat", {}, "33 wavelengths in bands"),
     "too few in the sidecar": (with_sidecar("400 410 420"), "a.mat", {}, "found 3 wavelengths"),
     "words in the sidecar": (with_sidecar("400\n410\nviolet\n"), "a.mat.wavelengths.txt", {}, "violet"),
     "micrometres in the sidecar": (with_sidecar("0.4 0.5 0.6"), "a.mat.wavelengths.txt", {}, "in nm"),
@@ -107,6 +114,18 @@ def test_a_file_that_cannot_be_used_is_named(tmp_path, name):
     assert caught.value.where == str(tmp_path / file)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_wavelengths_of_another_length_give_way_to_those_that_are_named(tmp_path):
+    mat(cube=CAVE, wl=np.linspace(400, 700, 30))(tmp_path)
+    named = nm_to_metres(np.linspace(400, 700, 31))
+    np.testing.assert_array_equal(read(tmp_path / "a.mat", wavelengths=named).wavelength, named)
+
+
+@pytest.mark.parametrize("other", [{"bands": [3, 9, 14]}, {"lambda": [0.1, 1.0]}, {"wl": 31}])
+def test_indices_weights_and_counts_are_not_taken_for_wavelengths(tmp_path, other):
+    mat(cube=CAVE, **other)(tmp_path)
+    assert read(tmp_path / "a.mat").attrs["wavelengths_from"].startswith("known set CAVE")
 
 
 @pytest.mark.parametrize(

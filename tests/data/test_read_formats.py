@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import partial
 from itertools import permutations
 
@@ -16,6 +17,7 @@ from PIL import Image
 
 from tests.data.light_field_files import write_pfm
 from tmca.data import describe, nm_to_metres, read, read_array, write_dataset, write_tiff
+from tmca.data.scene_names import SceneWarning
 from tmca.errors import DataError
 
 CAVE_NM = np.arange(400.0, 701.0, 10.0)
@@ -107,6 +109,7 @@ STATED = {
     "classic.nc": partial(save_netcdf, engine="scipy"),
     **{f"{''.join(order)}.nc": partial(save_netcdf, order=order) for order in permutations(("wavelength", "y", "x"))},
     "five.mat": lambda path, pixels, nm: scipy.io.savemat(path, {"hyper": last(pixels), "wavelengths": nm}),
+    "packed.npz": lambda path, pixels, nm: np.savez(path, hyper=last(pixels), wavelengths=nm),
     "seven.mat": lambda path, pixels, nm: save_73(
         path, hyper=(last(pixels), "single"), wavelengths=(nm[:, None], "double")
     ),
@@ -185,6 +188,7 @@ def test_a_double_that_matlab_packed_as_integers_is_scaled_as_a_double(tmp_path)
     assert read(tmp_path / "a.mat").attrs["scale"] == 3000
 
 
+@pytest.mark.filterwarnings("ignore:.*of white:tmca.data.scene_names.SceneWarning")
 @pytest.mark.parametrize(("dtype", "top"), [("uint8", 255), ("uint16", 65535), ("int16", 32767), ("float32", 1)])
 def test_counts_are_divided_by_the_types_maximum(tmp_path, dtype, top):
     counts = np.ones((4, 5, 31), dtype=dtype)
@@ -268,3 +272,26 @@ def test_kaist_and_harvard_without_wavelengths_are_known_sets(tmp_path, variable
     np.testing.assert_array_equal(back, cube.transpose(2, 0, 1))
     np.testing.assert_array_equal(back.wavelength_nm, CAVE_NM - 400 + first)
     assert "known set" in back.attrs["wavelengths_from"]
+
+
+@pytest.mark.parametrize(
+    ("dtype", "top", "said"),
+    [
+        ("uint16", 4095, "6.2 % of white (scale 65535); counts of 12 bits take --scale 4095 (scale=)"),
+        ("uint16", 16383, "25 % of white (scale 65535); counts of 14 bits"), ("uint16", 200, "counts of 8 bits"),
+        ("int16", 4095, "12 % of white (scale 32767); counts of 12 bits"), ("int64", 255, "--scale 255"),
+        ("uint16", 16384, ""), ("uint8", 40, ""), ("float32", 0.01, ""),
+    ],
+)  # fmt: skip
+def test_counts_that_leave_two_bits_of_their_type_free_are_warned_of(tmp_path, dtype, top, said):
+    file, cube = tmp_path / "a.npy", np.zeros((31, 4, 5), dtype)
+    cube[7, 2, 3] = top
+    np.save(file, cube)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        read(file, scale=top)
+        assert not warned
+        read(file)
+    assert [one.category for one in warned] == [SceneWarning] * bool(said)
+    assert said in "".join(str(one.message) for one in warned)
+    assert said in describe(file).get("note", "")

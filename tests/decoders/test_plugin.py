@@ -51,6 +51,29 @@ def test_it_conforms(plugin, kind):
         check(plugin, kind)
 
 
+def test_a_class_of_ones_own_without_numbers_is_to_be_mended_and_one_of_the_package_set_otherwise(monkeypatch):
+    class Unfinished(Decoder):
+        def reconstruct(self, prepared, values, progress):
+            return torch.full((len(values), *prepared.scene_shape), torch.nan)
+
+    camera = SpectralCamera(bands=3, size=(8, 8), slots=2)
+    taken = Snapshot(camera(torch.rand(1, 3, 8, 8)), camera)
+    with pytest.raises(SettingError, match=r"NaN or infinite values.*; mend it"):
+        decode(taken, Unfinished())
+    broken = DECODERS["dagger"]
+    monkeypatch.setattr(broken, "reconstruct", Unfinished.reconstruct)
+    with pytest.raises(SettingError, match=r"NaN or infinite values.*; change its settings"):
+        decode(taken, broken())
+
+
+@pytest.mark.parametrize(("name", "said"), [("tik.py", "tik.py:Class"), ("tikonov", "did you mean tikhonov?")])
+def test_an_unknown_decoder_may_be_of_a_file(name, said):
+    camera = SpectralCamera(bands=3, size=(8, 8), slots=2)
+    with pytest.raises(SettingError, match=r"or FILE\.py:Class; ") as stop:
+        decode(Snapshot(camera(torch.rand(1, 3, 8, 8)), camera), name)
+    assert said in str(stop.value)
+
+
 def test_the_one_with_a_prior_that_contributing_shows_conforms(installed):
     installed(FROM_MEAN)
     for check in CHECKS:

@@ -97,6 +97,16 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert "two-bucket & least norm & " in written
 
 
+def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, capsys):
+    asked = ("study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger")
+    main([*asked, "--bands", "2", "--out", "few"])
+    told = "2 of 4 bands (--bands 4 for all)"
+    assert f"\n{told}\n" in capsys.readouterr().out
+    assert all(f"{told}." in (here / "few" / f"mug.{end}").read_text() for end in ("md", "html"))
+    main([*asked, "--out", "all"])
+    assert "bands" not in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(("command", "commit", "told"), [
     ("tmca study a", "0123", "Command: `tmca study a` at commit `0123`."),
     ("tmca study a", None, "Command: `tmca study a`."), ("", None, "Called from Python."),
@@ -235,8 +245,10 @@ def test_sensors_of_a_file_are_one_or_several_by_name(here):
     assert read_sensors("sensor.yaml") == {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}
     (here / "two.yaml").write_text("dim: {read_noise: 0.1}\nbright: {full_well: 1000, bits: 8}\n")
     assert read_sensors("two.yaml") == {"dim": {"read_noise": 0.1}, "bright": {"full_well": 1000, "bits": 8}}
-    (here / "odd.yaml").write_text("exposure: 3\n")
-    with pytest.raises(DataError, match=r"odd.yaml.*exposure"):
+    (here / "sheet.yaml").write_text("bits: 8\nexposure: 3\npattern_rate: 100\n")
+    assert read_sensors("sheet.yaml") == {"sheet": {"bits": 8}}
+    (here / "odd.yaml").write_text("full_wel: 3\n")
+    with pytest.raises(DataError, match=r"odd.yaml: full_wel: .*; did you mean full_well\?"):
         read_sensors("odd.yaml")
 
 

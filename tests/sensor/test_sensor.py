@@ -31,6 +31,12 @@ def test_measured_mean_and_variance_are_the_stated_ones(sensor, level):
     assert recorded.var().item() == pytest.approx(variance, rel=0.02)
 
 
+def test_noise_says_which_number_is_a_deviation_and_which_a_variance():
+    said = Sensor(full_well=10_000, read_noise_electrons=3).noise(10.0).in_words()
+    assert said == "read σ = 0.003, shot variance = 0.001 per unit of light"
+    assert Sensor().noise(10.0).in_words() == "none"
+
+
 def test_rounding_of_the_converter_is_part_of_the_stated_noise():
     sensor = Sensor(read_noise=0.05, bits=6)
     y = torch.full((1, 1, 500, 500), 3.0, dtype=torch.float64) + torch.rand(1, 1, 500, 500, dtype=torch.float64)

@@ -22,7 +22,7 @@ from tmca.cameras.motion import check_displacement
 from tmca.data import describe
 from tmca.data.fitting import METRES
 from tmca.data.in_memory import bare_cube, check_light, warn_of_estimate
-from tmca.data.scene_names import compare_scene
+from tmca.data.scene_names import SOURCE_BANDS, compare_scene
 from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
@@ -98,6 +98,7 @@ def simulate(
     light, *depth = _slots([application.tensors(one) for one in fitted], camera, moved)
     notes: dict[str, Any] = {"scene": name, "noise_seed": seed, **application.check(fitted[0], camera)}
     notes |= {MOTION: list(moved)} if any(moved) else {}
+    notes |= _left_out(scenes[0], fitted[0])
     with torch.no_grad(), reporting(progress, "simulate") as report:
         bench = imperfect(camera, faults, seed)
         values = bench(light, *depth, generator=NOISE_STREAM + seed, progress=report)
@@ -109,6 +110,12 @@ def _light(scene: Any) -> xr.DataArray:
     """The irradiance of a labelled scene."""
     light: xr.DataArray = scene["radiance"] if hasattr(scene, "data_vars") else scene
     return light
+
+
+def _left_out(scene: Any, fitted: Any) -> dict[str, int]:
+    """How many bands there are where only some of them are imaged, as a note."""
+    there = int(scene.attrs.get(SOURCE_BANDS, scene.sizes.get("wavelength", 0)))
+    return {SOURCE_BANDS: there} if there > fitted.sizes.get("wavelength", 0) else {}
 
 
 def _slots(scenes: list[tuple[Tensor, ...]], camera: Camera, motion: tuple[float, float]) -> tuple[Tensor, ...]:

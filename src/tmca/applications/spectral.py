@@ -17,7 +17,7 @@ from tmca.data import Negative, read, rendered_scene, select_bands
 from tmca.data.cubes import label
 from tmca.data.fitting import fit_cube
 from tmca.data.formats.opening import open_contents
-from tmca.data.in_memory import as_cube, as_tensors, even_bands, of_shape
+from tmca.data.in_memory import as_cube, as_tensors, bands_first, even_bands, of_shape
 from tmca.decoders import Weights
 from tmca.errors import DataError
 from tmca.metrics import all_metrics
@@ -112,6 +112,12 @@ class SpectralApplication(Application):
 
     def labelled(self, scene: Any, where: str) -> xr.DataArray:
         return as_cube(scene, where)
+
+    def scene(self, given: Any, camera: Any, where: str = "scene") -> xr.DataArray | xr.Dataset:
+        """See ``Application``; bands of an array may be last, as in files, where the camera has none to be held to."""
+        if isinstance(given, Tensor | np.ndarray) and "bands" in getattr(camera, "unbound", ()):
+            given = bands_first(given, where)
+        return super().scene(given, camera, where)
 
     def of_array(self, values: np.ndarray, camera: Any, where: str) -> xr.DataArray:
         """See ``Application``; bands that the camera does not know yet are spread evenly from 400 to 700 nm."""

@@ -163,14 +163,12 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
 
     def _facts(self) -> dict[str, str]:
-        noise = self.noise
-        noisy = [f"{name} {value:.3g}" for name, value in (("read", noise.read), ("shot", noise.shot)) if value]
         return {
             "scene": f"{sizes(self.scene_shape)} ({_AXES[self.channel]})",
             "bands": range_nm(self.wavelengths),
             "slots": f"K = {self.slots}, {self.exposure} exposure",
             "buckets": str(self.buckets),
-            "noise": " and ".join(noisy) or "none",
+            "noise": self.noise.in_words(),
             "not given": f"{' and '.join(sorted(self.unbound))}: those of the first scene" if self.unbound else "",
             "learned": "codes or response" if self.learnable else "",
         }

@@ -154,14 +154,17 @@ class Snapshot(Summary, Generic[Kind]):
         return as_numpy(self.values, dtype, copy)
 
     def _facts(self) -> dict[str, str]:
-        noise, notes = self.camera.noise, self.notes
-        noisy = [f"{name} {value:.3g}" for name, value in (("read", noise.read), ("shot", noise.shot)) if value]
         return {
             "camera": in_a_line(self.camera),
             "values": f"{sizes(self.values.shape)}, full scale {self.camera.full_scale:.4g}",
-            "noise": " and ".join(noisy) or "none",
-            "scene": str(notes.get("scene", "")),
+            "noise": self.camera.noise.in_words(),
+            "scene": f"{self.notes.get('scene', '')}{self._some_bands()}",
         }
+
+    def _some_bands(self) -> str:
+        """How many of the scene's bands were imaged, where it has more."""
+        there = self.notes.get("source_bands")
+        return f", {len(self.camera.wavelengths)} of {there} bands" if there else ""
 
     def _picture(self) -> Figure:
         from tmca.plots.thumbnails import Panel, row_figure

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from tmca.errors import TmcaError, did_you_mean
 
 if TYPE_CHECKING:
-    from cyclopts import MissingArgumentError
+    from cyclopts import MissingArgumentError, UnknownCommandError
 
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
@@ -107,7 +107,7 @@ def _asks_for_help(tokens: list[str]) -> bool:
 
 def _misspelt(error: Exception, tokens: list[str]) -> str:
     """What the command line cannot take, in one line; a value that a spec refuses like every other error."""
-    from cyclopts import MissingArgumentError, UnknownOptionError, UnusedCliTokensError
+    from cyclopts import MissingArgumentError, UnknownCommandError, UnknownOptionError, UnusedCliTokensError
     from pydantic import ValidationError
 
     if isinstance(error.__cause__, ValidationError):
@@ -121,6 +121,8 @@ def _misspelt(error: Exception, tokens: list[str]) -> str:
         return _unknown_option(error.token.keyword or error.token.value, known)
     if isinstance(error, MissingArgumentError):
         return _missing(error)
+    if isinstance(error, UnknownCommandError) and error.command_chain and _token(error).startswith("-"):
+        return _no_command(error)
     said = " ".join(str(error).split())
     return said if tokens else f"{said} Try `tmca --help`."
 
@@ -128,6 +130,20 @@ def _misspelt(error: Exception, tokens: list[str]) -> str:
 def _unknown_option(option: str, known: Iterable[str]) -> str:
     remedy = did_you_mean(option, known, "leave it out")
     return f"{option}: found an unknown option, expected one that --help-all of this command lists; {remedy}"
+
+
+def _token(error: UnknownCommandError) -> str:
+    """What is no command."""
+    return (error.unused_tokens or [""])[0]
+
+
+def _no_command(error: UnknownCommandError) -> str:
+    """An option where the name of a command belongs, such as a camera's."""
+    option = _token(error)
+    command = " ".join(error.command_chain or ())
+    known = [name for name in error.app or () if not name.startswith("-")]
+    expected = f"one of {', '.join(known)} before it"
+    return f"{command}: found {option}, expected {expected}; such as tmca {command} {known[0]} {option}"
 
 
 def _missing(error: MissingArgumentError) -> str:

@@ -13,7 +13,7 @@ from tmca.cli.cameras import BENCH, READING, group, scenes_of
 from tmca.cli.options.numbers import Whole, size, whole_numbers
 from tmca.cli.options.output import Json, Markdown, Overwrite, check_figure, say
 from tmca.cli.progress import cell_done
-from tmca.errors import DataError, SettingError, TmcaError
+from tmca.errors import SettingError
 from tmca.progress import progress_bar
 from tmca.specs import (
     BandsReading,
@@ -25,7 +25,7 @@ from tmca.specs import (
     PhaseBenchSpec,
     SheetSpec,
     SpectralSpec,
-    read_yaml,
+    read_sensor,
     spec_of,
 )
 
@@ -171,11 +171,7 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
     """The sensor's sheet of a YAML file, its values replaced by options."""
     from tmca.design import SensorSheet
 
-    stored = {} if file is None else read_yaml(file, "YAML with names and values, such as full_well: 10000")
-    try:
-        described = spec_of(SheetSpec, {name: value for name, value in stored.items() if value is not None})
-    except TmcaError as error:
-        raise DataError(file or "sensor", f"{error.where} = {error.found}", error.expected, error.remedy) from error
+    described = SheetSpec() if file is None else read_sensor(file, SheetSpec)
     try:
         return SensorSheet(**{**described.given(), **options.given()})
     except SettingError as error:

@@ -22,9 +22,12 @@ from tmca.specs import (
     LightFieldSpec,
     MaskPlaceSpec,
     PhaseBenchSpec,
+    SensorFileSpec,
     SensorSpec,
     SpectralDepthSpec,
     SpectralSpec,
+    read_sensor,
+    spec_of,
 )
 
 app = App(name="simulate", help="Take a coded snapshot of a scene.")
@@ -32,8 +35,10 @@ _OUTPUT, _SENSOR = OutputOptions(), SensorSpec()
 _CUBE, _VIEWS, _DEPTH = BandsReading(), LightFieldReading(), DepthReading()
 _SPECTRAL, _LIGHT_FIELD, _SPECTRAL_DEPTH = SpectralSpec(), LightFieldSpec(), SpectralDepthSpec()
 _PLACE, _BENCH = MaskPlaceSpec(), PhaseBenchSpec()
+_SENSOR_FILE = "YAML file with the names of these options, as `tmca design` takes it; options replace its values."
 _CALIBRATION = """Of a camera that was measured, by `tmca calibrate`: a file, or its name without the date for the
 newest. The snapshot is what that camera takes; reconstruct it with the same --calibration."""
+SensorFile = Annotated[Path | None, Parameter(name="--sensor", group=SENSOR.group, help=_SENSOR_FILE)]
 Calibration = Annotated[Path | None, Parameter(help=_CALIBRATION)]
 
 
@@ -48,6 +53,7 @@ def spectral(
     reading: Annotated[BandsReading, READING] = _CUBE,
     camera: Annotated[SpectralSpec, CAMERA] = _SPECTRAL,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    sensor_file: SensorFile = None,
     hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -69,8 +75,11 @@ def spectral(
     if not (all_bands or "range" in how):
         how |= _range_of(scenes, how)
     moved = pair(motion, "--motion")
-    taken = _taken(CameraChoice(camera, sensor), how, scenes, calibration, hardware, output, assumed, motion=moved)
-    _write(*taken, output, {"bands": taken[0].camera.bands}, f"{taken[0].camera.bands} bands")
+    choice = CameraChoice(camera, _sensor(sensor_file, sensor))
+    taken = _taken(choice, how, scenes, calibration, hardware, output, assumed, motion=moved)
+    count, there = taken[0].camera.bands, taken[0].notes.get("source_bands")
+    said = f"{count} of {there} bands (--all-bands for all)" if there else f"{count} bands"
+    _write(*taken, output, {"bands": count, **({"source_bands": there} if there else {})}, said)
 
 
 def _range_of(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,6 +103,7 @@ def light_field(
     camera: Annotated[LightFieldSpec, CAMERA] = _LIGHT_FIELD,
     bench: Annotated[MaskPlaceSpec, BENCH] = _PLACE,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    sensor_file: SensorFile = None,
     hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -106,7 +116,7 @@ def light_field(
         scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
         crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
     """
-    choice = CameraChoice(camera, sensor, bench)
+    choice = CameraChoice(camera, _sensor(sensor_file, sensor), bench)
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
     left_out: list[str] = []
 
@@ -131,6 +141,7 @@ def spectral_depth(
     camera: Annotated[SpectralDepthSpec, CAMERA] = _SPECTRAL_DEPTH,
     bench: Annotated[PhaseBenchSpec, BENCH] = _BENCH,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    sensor_file: SensorFile = None,
     hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -146,7 +157,7 @@ def spectral_depth(
     """
     from tmca.applications.spectral_depth import TOTAL, said_unknown
 
-    choice = CameraChoice(camera, sensor, bench)
+    choice = CameraChoice(camera, _sensor(sensor_file, sensor), bench)
     how = {**reading.arguments(), **choice.depth_reading(), "size": size(crop, "--crop")}
     taken, target = _taken(choice, how, (scene,), calibration, hardware, output)
     counts = {name: count for name, count in taken.notes.items() if name.startswith("unknown_")}
@@ -165,6 +176,7 @@ def any_camera(
     set_: Annotated[list[str] | None, Parameter(name="--set")] = None,
     seed: Whole = 0,
     sensor: Annotated[SensorSpec, SENSOR] = _SENSOR,
+    sensor_file: SensorFile = None,
     hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -190,12 +202,19 @@ def any_camera(
     application, middle = application_of(kind), size(crop, "--crop")
     if not scenes:
         raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
-    how: dict[str, Any] = {**application.settings_of(one_value(set_)), "sensor": Sensor(**sensor.model_dump())}
+    described = Sensor(**_sensor(sensor_file, sensor).model_dump())
+    how: dict[str, Any] = {**application.settings_of(one_value(set_)), "sensor": described}
     read: list[Any] = [application.read(name) for name in scenes]
     read = [one if middle is None else middle_of(one, middle, name) for one, name in zip(read, scenes, strict=True)]
     camera = CAMERAS[kind](**application.parts(read[0]), **how)
     taken, target = _shot(camera, read, scenes[0], output, Hardware.read(hardware), seed=seed)
     _write(taken, target, output, {"camera": kind}, f"{kind} camera")
+
+
+def _sensor(file: Path | None, options: SensorSpec) -> SensorSpec:
+    """The sensor of a file, its values replaced by options."""
+    stored = {} if file is None else read_sensor(file, SensorFileSpec).only(*SensorSpec.model_fields)
+    return spec_of(SensorSpec, {**stored, **options.given()})
 
 
 def _taken(
@@ -290,5 +309,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
-    how = f"light throughput {report['throughput']:.1%}; reconstruct it with: tmca reconstruct {target}{how}"
-    say(report, output.json, *lines, how)
+    noise = taken.camera.noise.in_words()
+    noise = "no noise (--full-well, --read-noise)" if noise == "none" else f"noise: {noise}"
+    lines.append(f"light throughput {report['throughput']:.1%}; {noise}")
+    say(report, output.json, *lines, f"reconstruct it with: tmca reconstruct {target}{how}")

@@ -95,8 +95,8 @@ def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool
     names = f"{asked.name}.pdf and .png, the figure; {asked.name}.csv, .md, .tex and .json"
     open_first = f"open {out / asked.name}.html; beside it {names}"
     rows, columns = summary(asked, found)
-    doubts = asked.evaluation.warnings(rows)
-    say(found, json, markdown_table(rows, columns), *doubts, open_first, markdown=markdown)
+    notes = [*([found["bands"]] if found.get("bands") else []), *asked.evaluation.warnings(rows)]
+    say(found, json, markdown_table(rows, columns), *notes, open_first, markdown=markdown)
 
 
 def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from tmca.data.formats.stored import Contents, Stored
 from tmca.data.formats.wavelengths import (
     check,
     divisor,
+    few_counts,
     find_cube,
     find_known,
     from_argument,
@@ -25,6 +27,7 @@ from tmca.data.formats.wavelengths import (
     sidecar_paths,
     spectral_axis,
 )
+from tmca.data.in_memory import SceneWarning
 from tmca.data.light_fields import find_light_field, load_views
 from tmca.data.pixels import refuse_not_finite, refuse_pixels
 from tmca.data.rgbd import refuse_rgbd
@@ -69,6 +72,9 @@ def read(
         DataError: the file is missing, damaged, no cube, without wavelengths, or has NaN, infinite or
             negative pixels.
         SettingError: an impossible argument.
+
+    Warns:
+        SceneWarning: integers of more than 8 bits whose largest leaves two bits of their type free.
     """
     given = None if wavelengths is None else np.asarray(list(wavelengths), dtype=np.float64)
     refuse_rgbd(path)
@@ -85,6 +91,8 @@ def read(
         check_pixels(pixels, contents.path, negative)
         by, scaled = divisor(stored, axis, scale, pixels if bands is None else None)
         coords = _other_coords(stored, axis)
+    if bands is None and scaled == "integer type" and (hint := few_counts(stored.dtype, float(pixels.max()))):
+        warn(f"{path}: {hint}", SceneWarning, stacklevel=2)
     pixels /= np.float32(by)
     about = {
         "source": str(path),
@@ -148,6 +156,10 @@ def locate_cube(
     count = None if listed is None else listed.size
     stored = find_cube(contents, variable, count)
     axis = spectral_axis(stored, count)
+    if listed is None and stored.wavelengths is None and stored.misfit:
+        found = f"{stored.misfit} beside {stored.name} of {'×'.join(map(str, stored.shape))}"
+        remedy = "name them with wavelengths= (--wavelengths in nm)"
+        raise DataError(path, found, "one wavelength for each band", remedy)
     if contents.format == "picture" and listed is None:
         remedy = "make up its spectra with tmca.data.spectral_from_rgb, or pass wavelengths= if its channels are bands"
         raise DataError(path, f"a picture of {stored.shape[-1]} colour channels", "a spectral cube", remedy)

@@ -14,7 +14,7 @@ from tmca.data.depth_maps import label_depth, read_depth_map, stored_metres
 from tmca.data.files import plain
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
-from tmca.data.formats.wavelengths import divisor, metres_to_nm
+from tmca.data.formats.wavelengths import divisor, few_counts, metres_to_nm
 from tmca.data.light_fields import (
     VIEW_DIMS,
     find_disparity,
@@ -54,7 +54,7 @@ def describe(
         level, with ``wavelengths`` (None without), and for a light field ``light_field``: its ``views``, ``size``,
         ``colour``, naming, ``shifts`` between views and ``disparity`` (None without). What has depth has ``depth``: its
         range in metres if it is ``metric``, and unknown pixels. ``note`` says why a file with
-        a three-axis array is no cube, or a light field cannot be read whole.
+        a three-axis array is no cube, a light field cannot be read whole, or a cube's scale may be another.
 
     Raises:
         DataError: missing, damaged or unknown file, or no such variable.
@@ -78,6 +78,7 @@ def describe(
             about["depth"] = light_field_depth(contents.path) if main["light_field"]["disparity"] else None
         elif main["kind"] == "cube":
             about["depth"] = depth_in(contents)
+            about |= _said_of_scale(contents.arrays[main["variable"]], about)
     return dict(plain(about))
 
 
@@ -131,6 +132,13 @@ def _main(contents: Contents, variable: str | None, pattern: str | None) -> dict
         "wavelengths": waves,
         "scale": divisor(stored, axis, None, None)[0],
     }
+
+
+def _said_of_scale(stored: Stored, about: Mapping[str, Any]) -> dict[str, str]:
+    """A note on the scale of integers that leave bits of their type free."""
+    whole = stored.dtype.kind in "iu" and about["scale"] == float(np.iinfo(stored.dtype).max)
+    hint = few_counts(stored.dtype, about["max"]) if whole else ""
+    return {"note": hint} if hint else {}
 
 
 def _not_a_cube(contents: Contents, variable: str | None, error: DataError) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from tmca.arguments import checked
 from tmca.data.atomic import atomic_path
 from tmca.data.formats.arrays import LABELLED, labelled_attributes, open_groups, open_labelled
 from tmca.data.formats.limits import check_bytes
-from tmca.data.formats.stored import whole_file
+from tmca.data.formats.stored import nearest_name, whole_file
 from tmca.data.formats.wavelengths import metres_to_nm
 from tmca.errors import DataError, OutputError, ShapeError
 
@@ -172,7 +172,7 @@ def read_attributes(path: str | Path) -> dict[str, Any]:
 def _labelled_file(path: str | Path) -> Path:
     path = Path(path)
     if not path.exists():
-        raise DataError(path, "no such file", "an existing one", "check the path")
+        raise DataError(path, "no such file", "an existing one", nearest_name(path))
     if path.suffix.lower() not in SUFFIXES:
         raise DataError(path, f"the suffix {path.suffix!r}", f"a labelled file ({' '.join(SUFFIXES[:3])})")
     return path

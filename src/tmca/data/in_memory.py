@@ -9,7 +9,8 @@ from warnings import warn
 import numpy as np
 
 from tmca.arguments import described
-from tmca.data.formats.wavelengths import from_file
+from tmca.data.formats.stored import Stored
+from tmca.data.formats.wavelengths import from_file, spectral_axis
 from tmca.errors import DataError, check_shape
 
 if TYPE_CHECKING:
@@ -112,6 +113,24 @@ def bare_cube(scene: Any) -> np.ndarray | None:
     if {*getattr(scene, "dims", ())} != {*_CUBE} or hasattr(scene, "data_vars") or "wavelength" in scene.coords:
         return None
     return np.asarray(scene.transpose(*_CUBE))
+
+
+def bands_first(values: Any, where: str = "scene") -> Any:
+    """An array with its bands in front, where by the rule of files they can only be its last axis; others as they are.
+
+    Args:
+        values: NumPy array or tensor; what has not three axes is returned as it is.
+        where: for the warning.
+
+    Warns:
+        SceneWarning: that they were last.
+    """
+    shape = tuple(getattr(values, "shape", ()))
+    if len(shape) != 3 or spectral_axis(Stored(where, shape, np.dtype("f4"), lambda index: values, usual_axis=0)) != 2:
+        return values
+    said = f"{where}: an array of {'×'.join(map(str, shape))}, taken as (rows, columns, bands)"
+    warn(f"{said}; np.moveaxis(array, -1, 0) puts its bands first", SceneWarning, stacklevel=1)
+    return values.movedim(2, 0) if hasattr(values, "movedim") else np.moveaxis(values, 2, 0)
 
 
 def even_bands(count: int, where: str = "scene") -> np.ndarray:

@@ -19,6 +19,8 @@ from tmca.text_files import read_text
 
 READING = "scene_reading"
 """Attribute of scenes, snapshots and estimates: how the scene was read, as JSON."""
+SOURCE_BANDS = "source_bands"
+"""Attribute of scenes, and of what is made of them, with some of the bands that there are: how many there are."""
 
 
 def identity_of(source: str) -> str | None:

@@ -18,7 +18,7 @@ from tmca.data.light_fields import find_light_field, not_spectral
 from tmca.data.rendering import is_rendered, rendered_scene
 from tmca.data.rendering.photographs import no_such_scene
 from tmca.data.rgbd import holds_rgbd, refuse_rgbd
-from tmca.data.scene_names import SceneWarning
+from tmca.data.scene_names import SOURCE_BANDS, SceneWarning
 from tmca.data.spectral_depth import scene_parts
 from tmca.errors import SettingError, check_choice
 
@@ -113,7 +113,8 @@ def load_scene(
         negative: what is done with negative pixels of a file: ``"error"``, ``"clip"`` to 0, or ``"keep"``.
 
     Returns:
-        (wavelength, y, x) relative irradiance with a coordinate ``wavelength`` in metres; attribute ``name``.
+        (wavelength, y, x) relative irradiance with a coordinate ``wavelength`` in metres; attributes ``name``, and
+        ``source_bands``, how many bands there are, where only some of them are taken.
 
     Raises:
         DataError: no such file or scene, or a file that cannot be used.
@@ -129,7 +130,10 @@ def load_scene(
         cube = read(name, wavelengths=wavelengths, variable=variable, scale=scale, negative=negative)
         if "view_v" in cube.dims:
             raise not_spectral(name)
+    there = cube.sizes["wavelength"]
     cube = _banded(cube, bands, None if range is None else _span(range))
+    if cube.sizes["wavelength"] < there:
+        cube.attrs[SOURCE_BANDS] = there
     cube = cube if size is None else middle_of(cube, size, name)
     cube.attrs["name"] = Path(name).stem
     if not cube.values.any():

@@ -311,7 +311,8 @@ def _in_a_line(prior: Any, given: Any) -> str:
 def _checked(decoder: Decoder, values: Any, shape: tuple[int, ...]) -> Tensor:
     """What a decoder returns; refused if it is no tensor, has other entries, or values that are not finite."""
     own = file_of(type(decoder))
-    name, remedy = (decoder.name, "change its settings") if own is None else (f"{decoder.name} of {own}", "mend it")
+    name = decoder.name if own is None else f"{decoder.name} of {own}"
+    remedy = "change its settings" if type(decoder).__module__.startswith("tmca.") else "mend it"
     if not isinstance(values, Tensor) or values.numel() != prod(shape):
         found = f"shape {tuple(values.shape)}" if isinstance(values, Tensor) else f"a {type(values).__name__}"
         raise ShapeError("decoder", f"{found} from {name}", f"the entries of {shape}")

@@ -10,7 +10,7 @@ from warnings import warn
 
 from tmca.arguments import checked_settings, settings_of
 from tmca.cameras import CAMERAS, load_cameras
-from tmca.errors import SettingError, check_choice
+from tmca.errors import SettingError, check_choice, did_you_mean
 from tmca.plugins import BrokenPlugin, load_plugins
 from tmca.priors import Prior, prior_kinds
 
@@ -87,7 +87,8 @@ def make_decoder(
         choices = decoders_for(kind, moving=None)
         if decoder not in choices and decoder in decoders():
             check_decodes(decoders()[decoder], kind)
-        check_choice("decoder", decoder, choices)
+        if decoder not in choices:
+            raise unknown_decoder("decoder", decoder, choices)
         decoder = choices[decoder]
     cls = decoder if isinstance(decoder, type) else type(decoder)
     if not (hasattr(cls, "prepare") and hasattr(cls, "reconstruct")) or isabstract(cls):
@@ -101,6 +102,13 @@ def make_decoder(
         if setting.default is MISSING and setting.name not in checked:
             raise SettingError(setting.name, "nothing", f"a {setting.type}: {cls.name} has no default of it")
     return decoder(**checked)
+
+
+def unknown_decoder(where: str, name: str, known: Iterable[str]) -> SettingError:
+    """The error for a name that no decoder has; a file lacks the name of its class."""
+    choices = list(known)
+    remedy = f"name its class too, {name}:Class" if name.endswith(".py") else did_you_mean(name, choices)
+    return SettingError(where, repr(name), f"one of {', '.join(choices)}, or FILE.py:Class", remedy)
 
 
 def register(decoder: Any) -> None:

@@ -20,11 +20,11 @@ from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import named_scenes, short_names
 from tmca.data.scenes import scene_kind
 from tmca.decoders import decoders as registered_decoders
-from tmca.errors import DataError, SettingError, TmcaError, check_choice, did_you_mean
+from tmca.errors import DataError, SettingError, check_choice, did_you_mean
 from tmca.evaluation.camera import Settings, evaluation_of
 from tmca.evaluation.study import Study, checked_study, usual_settings
 from tmca.sensor import Sensor
-from tmca.specs import SensorSpec, first_error, spec_of
+from tmca.specs import SensorFileSpec, SensorSpec, first_error, sensor_of
 from tmca.yaml_files import read_yaml
 
 DESIGNED = "designed"
@@ -132,9 +132,9 @@ def read_sensors(file: str | Path) -> dict[str, dict[str, Any]]:
 def _sensor(where: str, values: Mapping[str, Any]) -> dict[str, Any]:
     """Checked arguments of a sensor."""
     try:
-        given = spec_of(SensorSpec, {name: value for name, value in values.items() if value is not None}).given()
+        given = sensor_of(values, SensorFileSpec, where).only(*SensorSpec.model_fields)
         Sensor(**given)
-    except TmcaError as error:
+    except SettingError as error:
         raise DataError(f"{where}: {error.where}", error.found, error.expected, error.remedy) from None
     return dict(given)
 

@@ -114,13 +114,14 @@ def markdown(found: Row) -> str:
     """The results for people."""
     study, split = checked_study(found["study"], "study"), found["split"]
     learned = ", ".join(split["train"]) or "the rendered training scenes"
+    bands = f" {found['bands']}." if found.get("bands") else ""
     words = {name: _words(found[name]) for name in ("study", "split", "budget")}
     about = [*study.about, *([study.about_networks] if found["budget"]["training"] and study.about_networks else [])]
     lines = [
         f"# {page_title(study)}", "", made_by(found), "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
-        "all rows. Means over scenes of means over seeds, then scene by scene. Light is the share of a white scene's "
-        "light that passes mask and shutter.", "",
+        f"all rows. Means over scenes of means over seeds, then scene by scene.{bands} Light is the share of a white "
+        "scene's light that passes mask and shutter.", "",
         *(line for text in about for line in (filled(text, words), "")),
     ]  # fmt: skip
     for section in sections(found, study):

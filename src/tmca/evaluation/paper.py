@@ -120,6 +120,7 @@ def _about(study: Study, found: Row) -> list[str]:
     seeds = f"{study.seeds} seeds" if study.seeds > 1 else "one seed"
     span = study.reading.get("range")
     bands = f" Bands from {span[0] * 1e9:g} to {span[1] * 1e9:g} nm." if span else ""
+    bands += f" {found['bands']}." if found.get("bands") else ""
     return [
         f"{_counted(study.codes, 'code')} and {_counted(study.decoders, 'decoder')} of a {study.camera} camera on "
         f"{', '.join(found['split']['test'])}, {seeds} each. All codes expose equally long.{bands}",

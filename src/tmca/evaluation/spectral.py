@@ -6,11 +6,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from tmca.applications.report import Section
 from tmca.cameras import SpectralCamera
 from tmca.data import read_dataset, split_rendered
+from tmca.data.fitting import VISIBLE
+from tmca.data.headers import wavelengths_of
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import load_scene
 from tmca.errors import SettingError
@@ -50,6 +54,18 @@ class SpectralReading(BaseModel):
     bands: int = 12
     range: Annotated[Span, BeforeValidator(_in_nm)] | None = None
     size: tuple[int, int] | None = None
+
+
+def _some_bands(study: Study, there: Sequence[NDArray[np.float64]]) -> str:
+    """How many of the scenes' bands are measured, where some have more, and how all are, where that is one number."""
+    low, high = study.reading["range"] or VISIBLE
+    bands, counts = study.reading["bands"], sorted({len(metres) for metres in there})
+    if not counts or counts[-1] <= bands:
+        return ""
+    option = f"--bands {counts[0]}" if study.figure else f"bands: {counts[0]} of the reading"
+    whole = all(metres.min() > low - 1e-9 and metres.max() < high + 1e-9 for metres in there)
+    hint = f" ({option} for all)" if whole and len(counts) == 1 else ""
+    return f"{bands} of {' or '.join(map(str, counts))} bands{hint}"
 
 
 class SpectralEvaluation(CameraEvaluation):
@@ -127,8 +143,10 @@ class SpectralEvaluation(CameraEvaluation):
 
     def conclusions(self, study: Study, measured: Sequence[Measured], rows: Sequence[Row]) -> Row:
         checks = [cell for cell in measured if "expected" in cell]
+        sources = sorted({cell["source"] for cell in measured if "metrics" in cell})
         return {
-            "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks]
+            "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks],
+            "bands": _some_bands(study, [wavelengths_of(source) for source in sources]),
         }
 
     def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:

@@ -98,6 +98,7 @@ def check_counts(**counts: int) -> None:
 
 def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     """Raises SettingError unless there are decoders, all of them known."""
+    from tmca.decoders.registry import unknown_decoder
     from tmca.lab.decoder_files import is_file
 
     unknown = [name for name in decoders if name not in known]
@@ -105,8 +106,10 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
         remedy = f"pass --decoders {quote(','.join(files))} if you trust {'it' if len(files) == 1 else 'them'}"
         found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
         raise SettingError("decoders", found, "code that the command line names", remedy)
-    if unknown or not decoders:
-        raise SettingError("decoders", ", ".join(unknown) or "none", f"some of {', '.join(known)}")
+    if unknown:
+        raise unknown_decoder("decoders", unknown[0], known)
+    if not decoders:
+        raise SettingError("decoders", "none", f"some of {', '.join(known)}")
 
 
 def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None:

@@ -50,6 +50,12 @@ class Noise:
         """Variance of every pixel of a snapshot, snapshot units squared."""
         return self.read**2 + self.shot * snapshot.clamp_min(0)
 
+    def in_words(self) -> str:
+        """Standard deviation of the one part and variance of the other, snapshot units; ``none`` without any."""
+        said = [f"read σ = {self.read:.3g}"] if self.read else []
+        said += [f"shot variance = {self.shot:.3g} per unit of light"] if self.shot else []
+        return ", ".join(said) or "none"
+
 
 class _Poisson(torch.autograd.Function):
     @staticmethod

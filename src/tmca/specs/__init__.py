@@ -19,7 +19,7 @@ from tmca.specs.reading import (
     TruthReading,
     ViewsReading,
 )
-from tmca.specs.sensor import SensorSpec, SheetSpec
+from tmca.specs.sensor import SensorFileSpec, SensorSpec, SheetSpec, read_sensor, sensor_of
 from tmca.yaml_files import read_yaml
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "MaskSearchSpec",
     "MeasuredReading",
     "PhaseBenchSpec",
+    "SensorFileSpec",
     "SensorSpec",
     "SheetSpec",
     "Spec",
@@ -50,7 +51,9 @@ __all__ = [
     "TruthReading",
     "ViewsReading",
     "first_error",
+    "read_sensor",
     "read_yaml",
+    "sensor_of",
     "spec_of",
 ]
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
-from tmca.specs.base import Spec
+from tmca.errors import DataError, TmcaError
+from tmca.specs.base import Spec, spec_of
+from tmca.yaml_files import read_yaml
 
 _Noise = Annotated[float, Field(ge=0, le=1e6)]
 
@@ -42,3 +47,39 @@ class SheetSpec(NoiseSpec):
     "Shortest time a pattern may be shown, seconds."
     buckets: Annotated[int, Field(ge=1, le=2)] = 1
     "Buckets of a pixel, 1 or 2, each with this noise and full well: with 2, the light of closed slots is read too."
+
+
+class SensorFileSpec(SensorSpec, SheetSpec):
+    """A sensor, and of its modulator what a command that searches no codes passes over."""
+
+
+S = TypeVar("S", bound=NoiseSpec)
+_NOT_IN_ELECTRONS = re.compile("quantum|efficiency|^qe$|pixel|pitch|gain")
+"""Names of what data sheets say of a sensor beside its noise in electrons."""
+_IN_ELECTRONS = (
+    "leave it out: full well and read noise count electrons, "
+    "so that quantum efficiency, pixel size and gain do not enter"
+)
+
+
+def sensor_of(values: Mapping[str, Any], kind: type[S], where: object) -> S:
+    """A checked sensor of the names and values of a file, of which empty values are left out.
+
+    Raises:
+        DataError: the first name or value that is wrong, behind ``where``.
+    """
+    try:
+        return spec_of(kind, {name: value for name, value in values.items() if value is not None})
+    except TmcaError as error:
+        beside = error.found == "an unknown name" and _NOT_IN_ELECTRONS.search(error.where.lower())
+        remedy = _IN_ELECTRONS if beside else error.remedy
+        raise DataError(f"{where}: {error.where}", error.found, error.expected, remedy) from None
+
+
+def read_sensor(file: str | Path, kind: type[S]) -> S:
+    """A checked sensor of a YAML file.
+
+    Raises:
+        DataError: no such file, or the first of its names and values that is wrong.
+    """
+    return sensor_of(read_yaml(file, "YAML with names and values, such as full_well: 10000"), kind, file)

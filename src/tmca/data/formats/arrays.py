@@ -47,6 +47,9 @@ _DEEPEST, _MOST_DATASETS = 64, 100_000
 def open_npy(path: Path) -> Contents:
     """A ``.npy`` array, memory-mapped; Python objects are refused."""
     with whole_file(path, NUMPY):
+        with path.open("rb") as file:
+            if file.read(len(np.lib.format.MAGIC_PREFIX)) != np.lib.format.MAGIC_PREFIX:
+                raise ValueError("it does not begin as what numpy.save writes")
         array = np.load(path, mmap_mode="r", allow_pickle=False)
     return Contents(path, "NumPy", {path.stem: from_array(path.stem, array, usual_axis=0)})
 
@@ -54,7 +57,8 @@ def open_npy(path: Path) -> Contents:
 @reads(".npz")
 def open_npz(path: Path) -> Contents:
     """The arrays of a ``.npz``, each loaded when it is asked for; Python objects are refused."""
-    return Contents(path, "NumPy", {name: _member(path, name, *head) for name, head in npz_heads(path).items()})
+    arrays = {name: _member(path, name, *head) for name, head in npz_heads(path).items()}
+    return Contents(path, "NumPy", give_wavelengths(arrays))
 
 
 def npz_heads(path: Path) -> dict[str, tuple[tuple[int, ...], np.dtype[Any]]]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tmca.data.formats import envi, images, matlab, views  # noqa: F401 (each registers its suffixes)
 from tmca.data.formats.arrays import open_zarr
-from tmca.data.formats.stored import OPENERS, Contents, Opener, whole_file
+from tmca.data.formats.stored import OPENERS, Contents, Opener, nearest_name, whole_file
 from tmca.errors import DataError
 
 GROUP = "tmca.formats"
@@ -57,7 +57,7 @@ def open_contents(path: str | Path) -> Iterator[Contents]:
     """
     path = Path(path)
     if not path.exists():
-        raise DataError(path, "no such file or folder", "an existing one", "check the path")
+        raise DataError(path, "no such file or folder", "an existing one", nearest_name(path))
     opener = _opener(path)
     with ExitStack() as stack:
         ours = opener.__module__.partition(".")[0] == "tmca"

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.limits import VARIABLE, check_array, check_declared
-from tmca.errors import DataError, TmcaError
+from tmca.errors import DataError, TmcaError, did_you_mean
 
 _PACKAGE = Path(__file__).parents[2]
 Index = tuple[int | slice, ...]
@@ -36,6 +36,7 @@ class Stored:
         usual_axis: where this format usually keeps the bands (0 or -1); decides only between equal lengths.
         pages: the first axis runs over pages, which are bands where nothing tells otherwise.
         full_scale: the divisor to relative irradiance where the file states it, else None.
+        misfit: wavelengths of the file that are as many as no axis is long, in words; else empty.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Stored:
     usual_axis: int = -1
     pages: bool = False
     full_scale: float | None = None
+    misfit: str = ""
 
     @property
     def numeric(self) -> bool:
@@ -170,7 +172,7 @@ def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it 
     except TmcaError:
         raise
     except FileNotFoundError as error:
-        raise DataError(path, "no such file", f"a {kind}", "check the path") from error
+        raise DataError(path, "no such file", f"a {kind}", nearest_name(path)) from error
     except PermissionError as error:
         raise DataError(path, "no permission to read it", "a readable file", "change its permissions") from error
     except MemoryError as error:
@@ -183,6 +185,15 @@ def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it 
         empty = path.is_file() and path.stat().st_size == 0
         found = "an empty file (0 bytes)" if empty else f"an unreadable or truncated {kind} ({reason})"
         raise DataError(path, found, f"a whole {kind}", remedy) from error
+
+
+def nearest_name(path: Path) -> str:
+    """The remedy for a file that is not there: the one beside it whose name is nearest, if any is near."""
+    try:
+        beside = [one.name for one in path.parent.iterdir()]
+    except OSError:
+        beside = []
+    return did_you_mean(path.name, beside, "check the path")
 
 
 def _raised_here(error: Exception) -> bool:

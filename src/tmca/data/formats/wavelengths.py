@@ -260,15 +260,32 @@ def find_cube(contents: Contents, variable: str | None, count: int | None) -> St
 
 
 def give_wavelengths(arrays: dict[str, Stored]) -> dict[str, Stored]:
-    """Give each cube the vector of wavelengths kept beside it in the file, where its length fits an axis."""
+    """Give each cube the vector of wavelengths kept beside it in the file, where its length fits an axis; or note one
+    whose length fits no cube."""
+    cubes = {name: stored for name, stored in arrays.items() if len(stored.shape) == 3}
     for vector in [s for s in arrays.values() if s.name.rsplit("/", 1)[-1].lower() in NAMES]:
         if not vector.numeric or not vector.size or vector.size != max(vector.shape, default=0):
             continue
-        metres = from_file(vector.whole(), vector.attrs.get("units"))
-        for name, stored in arrays.items():
-            if metres is not None and len(stored.shape) == 3 and len(metres) in stored.shape:
-                arrays[name] = replace(stored, wavelengths=metres)
+        values = vector.whole()
+        metres = from_file(values, vector.attrs.get("units"))
+        if metres is None:
+            continue
+        fitting = [name for name, stored in cubes.items() if len(metres) in stored.shape]
+        arrays |= {name: replace(arrays[name], wavelengths=metres) for name in fitting}
+        if not fitting and _surely(vector.name, values):
+            misfit = f"{len(metres)} wavelengths in {vector.name}"
+            arrays |= {name: replace(arrays[name], misfit=misfit) for name in cubes}
     return arrays
+
+
+_OTHERS = frozenset({"band", "bands", "lambda", "lambdas", "centers", "centres"})
+"""Of ``NAMES`` those under which files also keep indices, weights or places."""
+
+
+def _surely(name: str, values: NDArray[Any]) -> bool:
+    """Whether a vector can only be a list of wavelengths: by its name, or by numbers that are nanometres."""
+    named = name.rsplit("/", 1)[-1].lower() not in _OTHERS
+    return values.size > 1 and (named or guess_unit(values.astype(np.float64)) == "nm")
 
 
 def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] | None) -> tuple[float, str]:
@@ -298,6 +315,21 @@ def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] 
         return float(np.iinfo(stored.dtype).max), "integer type"
     top = 1.0 if stored.dtype.kind == "b" else _maximum(stored, axis, bands)
     return (top, "maximum") if top > 1 else (1.0, "file")
+
+
+_CONVERTERS = (8, 10, 12, 14, 16, 24)
+"""Bits of counts that files of larger integers hold."""
+
+
+def few_counts(dtype: np.dtype[Any], top: float) -> str:
+    """What to say of integers that were divided by their type's maximum where the largest leaves two of its bits free,
+    as counts of fewer bits do; empty where there is nothing to say, as of bytes, which are seldom counts of fewer."""
+    white = np.iinfo(dtype).max if dtype.kind in "iu" else 0
+    fits = [bits for bits in _CONVERTERS if 2**bits > top]
+    if not fits or not 0 < top < (white + 1) / 4 or white < 2 ** _CONVERTERS[0]:
+        return ""
+    counts = f"counts of {fits[0]} bits take --scale {2 ** fits[0] - 1} (scale=)"
+    return f"its brightest value is {100 * top / white:.2g} % of white (scale {white}); {counts}"
 
 
 def _maximum(stored: Stored, axis: int, bands: NDArray[Any] | None) -> float:

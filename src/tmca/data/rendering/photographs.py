@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tmca.data.depth_maps import disparity_to_depth
 from tmca.data.formats.rgbd_files import MOTORCYCLE
 from tmca.data.pixels import decoded
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, did_you_mean
 
 Array = NDArray[np.float32]
 
@@ -97,7 +97,8 @@ def no_such_scene(source: object) -> DataError:
     if seed and name in PHOTOGRAPHS:
         return DataError(source, f"the seed {seed}, which rendered light fields alone have", f"a path, or {name}")
     expected = f"a path, or one of {', '.join(PHOTOGRAPHS)}"
-    return DataError(source, "no such file, folder or rendered scene", expected, "check the path or the name")
+    remedy = did_you_mean(str(source), PHOTOGRAPHS, "check the path or the name")
+    return DataError(source, "no such file, folder or rendered scene", expected, remedy)
 
 
 def split_rendered() -> dict[str, tuple[str, ...]]:
