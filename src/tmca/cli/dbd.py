@@ -182,7 +182,7 @@ def solve(
     if csv:
         write_text(path_csv(recovery), csv, overwrite=overwrite)
     written = ", ".join(str(one) for one in (out, csv) if one)
-    lines = (*recovery_lines(recovery, markdown), f"wrote {written} and {figure}")
+    lines = (*recovery_lines(recovery, markdown, str(out)), f"wrote {written} and {figure}")
     say(recovery_values(recovery), json, *lines, markdown=markdown)
 
 
@@ -293,12 +293,19 @@ def _physical(name: str, model_only: bool, seed: int | None, snr: float | None, 
 
 
 def _tell(problem: Problem, out: Path) -> None:
+    from tmca.dbd.paths import range_walk
+
     antennas, pulses, frequencies = problem.shape
     sizes = f"{pulses} pulses x {frequencies} frequencies" + (f" x {antennas} antennas" if antennas > 1 else "")
     assert problem.truth is not None
     pairs = zip(problem.sources, problem.truth, strict=True)
     parts = ", ".join(f"{source.name} with {len(truth.points)} paths" for source, truth in pairs)
     print(f"wrote {out}: {sizes}; {parts}")
+    if problem.units is not None:
+        walks = [range_walk(one.points, problem.units, pulses).max(initial=0.0) for one in problem.truth]
+        if max(walks) * frequencies > 0.1:
+            said = f"during the pulses delays change by up to {max(walks) * frequencies:.2g} of a resolution cell"
+            print(f"{said}: model and simulation leave this range walk out")
 
 
 def _counts(text: str, option: str) -> list[int]:

@@ -28,6 +28,8 @@ Mask = NDArray[np.bool_]
 
 AXES = ("delay", "doppler", "angle")
 LIGHT_M_S = 299_792_458.0
+_LISTED = 10
+"""Pulses that a message names."""
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Real:
@@ -241,11 +243,16 @@ class Problem(Summary):
         shape = (y.shape[0] if y.ndim == 3 else 1, *size)
         if y.shape not in (shape, size, (size[0] * size[1],)):
             expected = f"{size} or {size[0] * size[1]} numbers, after antennas where there are any"
-            raise ShapeError("y", f"shape {y.shape}", expected, "y and the bases have to be of the same pulses")
+            turned = y.ndim > 1 and y.shape[-2:] == size[::-1]
+            remedy = "transposed?" if turned else "y and the bases have to be of the same pulses"
+            raise ShapeError("y", f"shape {y.shape}", expected, remedy)
         object.__setattr__(self, "y", y.reshape(shape))
-        bad = int(np.sum(~np.isfinite(y)))
-        if bad:
-            raise SettingError("y", f"{bad} of {y.size} samples NaN or infinite", "finite samples", "drop the pulses")
+        bad = ~np.isfinite(self.y)
+        if bad.any():
+            pulses = [str(one) for one in np.flatnonzero(bad.any(axis=(0, 2)))]
+            which = f"{', '.join(pulses[:_LISTED])}{' …' * (len(pulses) > _LISTED)} of 0 to {size[0] - 1}"
+            found = f"{int(bad.sum())} of {y.size} samples NaN or infinite, in pulse{'s'[: len(pulses) != 1]} {which}"
+            raise SettingError("y", found, "finite samples", "drop the pulses")
         if self.sigma is not None:
             check_range("sigma", self.sigma, 0)
         if self.truth is not None and len(self.truth) != len(names):
