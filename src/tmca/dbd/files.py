@@ -25,7 +25,7 @@ from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recordings import DATA, META
 from tmca.dbd.simulation import carriers
 from tmca.dbd.waveforms import Waveform, with_waveforms
-from tmca.errors import DataError, TmcaError, check_shape
+from tmca.errors import DataError, ShapeError, TmcaError, check_shape
 
 if TYPE_CHECKING:
     from tmca.dbd.recovery import Recovery
@@ -37,6 +37,7 @@ _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
 _OF_SOURCES = ("basis", "message", "weight")
 _CHANNEL = "a known channel with an unknown message has no solver here"
+_LONGEST_NAME = 60
 _RECORDINGS = (".mat", ".npy", META, DATA)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
@@ -55,7 +56,8 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
         variables[f"message_{index}"] = ("pulse", source.message, _about("message that a pulse carries, from 0"))
     for index, truth in enumerate(problem.truth or ()):
         paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
-        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}"))
+        names = {"names": "\n".join(truth.names)} if any(truth.names) else {}
+        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}", names))
         variables[f"true_amplitudes_{index}"] = _parts(paths, truth.amplitudes, "true gains of the paths")
         variables[f"true_waveform_{index}"] = _parts(coefficient, truth.waveform, f"true {_WAVEFORM}")
     return _written(variables, {"kind": KIND, "sigma": problem.sigma}, problem, path, overwrite)
@@ -215,7 +217,8 @@ def _source(path: Path, dataset: Any, index: int) -> Source:
 def _truth(path: Path, dataset: Any, index: int) -> Truth:
     points = _real(path, dataset, f"true_points_{index}")
     gains, waveform = (_joined(path, dataset, f"true_{part}_{index}") for part in ("amplitudes", "waveform"))
-    return Truth(points, gains, waveform)
+    given = str(dataset[f"true_points_{index}"].attrs.get("names", ""))
+    return Truth(points, gains, waveform, tuple(one[:_LONGEST_NAME] for one in given.split("\n")) if given else ())
 
 
 def _joined(path: Path, dataset: Any, name: str) -> Complex:

@@ -194,13 +194,17 @@ class Truth:
         points: ``(L, 3)``, normalised delay, Doppler and angle of each path in [0, 1).
         amplitudes: ``(L,)``, complex gains.
         waveform: ``(G J,)``, coefficients of the signal in its basis.
+        names: of the paths, in tables and figures; empty ones are numbered.
     """
 
     points: Real
     amplitudes: Complex
     waveform: Complex
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.names and len(self.names) != len(self.amplitudes):
+            raise ShapeError("names of the truth", f"{len(self.names)}", f"{len(self.amplitudes)}, one for each path")
         check_shape("points of the truth", np.shape(self.points), (len(self.amplitudes), 3))
         if not all(np.all(np.isfinite(one)) for one in (self.points, self.amplitudes, self.waveform)):
             raise SettingError("truth", "NaN or infinite numbers", "finite ones")

@@ -110,13 +110,32 @@ def range_walk(points: Real, units: Units, pulses: int) -> Real:
 
 
 def path_names(recovery: Recovery) -> dict[tuple[str, int], str]:
-    """Names by source and index: targets and paths are counted from 1, from the least delay on."""
+    """Names by source and index: targets and paths are counted from 1, from the least delay on.
+
+    Those that match one with a name in the truth have that name.
+    """
     roles, names = [_role(one) for one in recovery], {}
     for channel in recovery:
         word = "target" if is_radar(channel.name) else "path"
         of = f"{channel.name} " if roles.count(_role(channel)) > 1 else ""
         for number, index in enumerate(map(int, np.argsort(channel.points[:, 0])), start=1):
             names[channel.name, index] = f"{of}{word} {number}"
+    return names | _true_names(recovery)
+
+
+def _true_names(recovery: Recovery) -> dict[tuple[str, int], str]:
+    """The truth's names of those that are within a resolution cell of one, by source and index."""
+    from tmca.dbd.recovery import matched
+
+    names: dict[tuple[str, int], str] = {}
+    for channel, truth in zip(recovery, recovery.problem.truth or (), strict=False):
+        if not any(truth.names) or not len(channel) or channel.relative_doppler:
+            continue
+        here, there = matched(channel.positions, channel.atoms.seen(truth.points))
+        apart = distance(channel.positions[here], channel.atoms.seen(truth.points)[there]) * channel.atoms.counts
+        for index, true, cells in zip(here, there, apart, strict=True):
+            if truth.names[true] and np.all(cells < 1) and truth.names[true] not in names.values():
+                names[channel.name, int(index)] = truth.names[true]
     return names
 
 
