@@ -101,7 +101,8 @@ def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | 
     if left**2 > noise + _LITTLE * (1 - noise):
         known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
         return f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
-    if problem.sigma and left**2 > _FAR * noise + _MODEL:
+    many = unknowns(channels) > _MANY * 2 * problem.y.size
+    if problem.sigma and left**2 > (noise if many else _FAR * noise + _MODEL):
         return f"the paths leave {left**2:.1%} of the samples' energy, the noise is {noise:.1%} at most"
     if problem.sigma == 0 and left**2 > _NOISELESS:
         return f"the paths leave {left**2:.0%} of the energy of samples that are said to be without noise"
@@ -112,7 +113,9 @@ def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | 
         )
     close = sum(int(np.sum(_near_another(one))) for one in channels)
     if close >= _PAIRS and _cancellation(channels) > _CANCELLING:
-        return f"{close} of {sum(map(len, channels))} paths lie within a resolution cell of others and cancel each other"
+        return (
+            f"{close} of {sum(map(len, channels))} paths lie within a resolution cell of others and cancel each other"
+        )
     return None
 
 

@@ -66,7 +66,9 @@ def _correlations(recovery: Recovery) -> list[Real]:
     if not recovery.sigma or not any(map(len, recovery)):
         return nothing
     every = []
-    for channel, covariance, unknown in zip(recovery, covariances(recovery.sources, recovery.sigma), nothing, strict=True):
+    for channel, covariance, unknown in zip(
+        recovery, covariances(recovery.sources, recovery.sigma), nothing, strict=True
+    ):
         if channel.atoms.columns[:2] != [0, 1]:
             every.append(unknown)
             continue

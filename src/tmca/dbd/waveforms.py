@@ -122,8 +122,8 @@ class SampledWaveform:
     """Samples of a pulse in a file: ``.npz``, ``.mat``, or SigMF (``.sigmf-meta`` beside ``.sigmf-data``).
 
     Args:
-        file: that holds them: ``(T,)`` of a known pulse, ``(J, T)`` of J whose mix is sent, ``(P, J, T)`` where they change
-            from pulse to pulse.
+        file: that holds them: ``(T,)`` of a known pulse, ``(J, T)`` of J whose mix is sent, ``(P, J, T)`` where they
+            change from pulse to pulse.
         variable: which array, where there are several.
         sample_rate_hz: of the samples; a SigMF file says it itself.
         start_s: when the first one is, since the useful time of an interval began.

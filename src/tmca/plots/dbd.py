@@ -180,9 +180,9 @@ def _draw_image(axis: Axes, plane: Plane, values: Values, span: tuple[float, flo
     if plane.truth is not None:
         outlined = [withStroke(linewidth=3.2 * look.mark, foreground="black")]  # seen on the plane and in the legend
         axis.plot(*plane.truth.T, "o", label="truth", markeredgecolor="white", path_effects=outlined, **_ring(look))
+        beside: Any = {"xytext": (7 * look.mark, 5 * look.mark), "textcoords": "offset points"}
         for name, place in zip(plane.names, plane.truth, strict=False):
-            axis.annotate(name, place, (7 * look.mark, 5 * look.mark), textcoords="offset points", color="white",
-                          fontsize=look.small, path_effects=[withStroke(linewidth=2 * look.mark, foreground="black")])  # fmt: skip
+            axis.annotate(name, place, color="white", fontsize=look.small, path_effects=outlined, **beside)
     axis.plot(*plane.estimate.T, "x", **_cross(look))
     for number, (centre, covariance) in enumerate(
         zip(plane.estimate, plane.covariances if plane.covariances is not None else (), strict=False)
