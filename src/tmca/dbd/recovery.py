@@ -37,8 +37,9 @@ class Recovery(Summary):
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
         doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
-            other energy is left, nearly as many unknowns as samples were needed, or another pulse, or another sign or
-            order of the bases, explains the samples better.
+            other energy is left, or far more than a stated noise, nearly as many unknowns as samples were needed, or
+            many close paths that cancel, or another pulse, or another sign or order of the bases, explains the samples
+            better.
     """
 
     problem: Problem = field(repr=False)
