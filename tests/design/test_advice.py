@@ -58,7 +58,16 @@ def test_gains_are_counted_from_the_static_code_scene_by_scene(examples):
     assert found.static.gain == 0
     # free codes contain the static and the one-hot ones, and start from both
     assert found.surveyed[2].design.mse <= found.surveyed[1].design.mse * (1 + 1e-6)
-    assert found.chosen.design.mse <= found.static.design.mse * (1 + 1e-6)
+    free = advise(examples, sheet, slots=[2], kinds=["free"], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    assert free.chosen.design.mse <= free.static.design.mse * (1 + 1e-6)
+
+
+def test_one_descent_starts_from_the_best_codes_that_are_contained(examples):
+    sheet = SensorSheet(full_well=10_000, read_noise_electrons=3)
+    found = advise(examples, sheet, slots=[2, 3], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+    mse = {(c.design.kind, c.design.slots): c.design.mse for c in found.surveyed}
+    for slots in (2, 3):
+        assert mse["free", slots] <= min(mse["one-hot", slots], mse["static", 1]) * (1 + 1e-6)
 
 
 def test_the_share_that_is_done_counts_each_search_by_its_effort(examples):

@@ -272,7 +272,10 @@ class _Task:
         starts: Sequence[Candidate] = (),
         static: Candidate | None = None,
     ) -> Candidate:
-        """The best design of a kind; gains are counted from the static design, its own without."""
+        """The best design of a kind, from the best of its starts if there are fewer descents; gains are counted from the
+        static design, its own without."""
+        if effort.descents < len(starts):
+            starts = sorted(starts, key=lambda start: start.design.mse)
         design = search(
             kind, slots, self.period, self.examples.tile_mse(*self.noise),
             starts=[start.design.camera for start in starts], effort=effort, throughput=self.throughput,
