@@ -38,6 +38,19 @@ def distance(a: ArrayLike, b: ArrayLike) -> Real:
     return np.minimum(apart, 1 - apart)
 
 
+def matched(estimate: Real, truth: Real) -> tuple[Whole, Whole]:
+    """Pairs with the least sum of largest coordinate errors (Hungarian method): indices into both.
+
+    Args:
+        estimate: ``(n, D)``.
+        truth: ``(m, D)``.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    first, second = linear_sum_assignment(distance(estimate[:, None], truth[None]).max(-1, initial=0.0))
+    return first, second
+
+
 def centred(values: Real) -> Real:
     """The same place on the torus in −½ to ½."""
     return (np.asarray(values, float) + 0.5) % 1.0 - 0.5

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import AXES, Problem, Real, Units, centred, distance, from_zero, is_radar
+from tmca.dbd.model import AXES, Problem, Real, Units, centred, distance, from_zero, is_radar, matched
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,8 +127,6 @@ def path_names(recovery: Recovery) -> dict[tuple[str, int], str]:
 
 def _true_names(recovery: Recovery) -> dict[tuple[str, int], str]:
     """The truth's names of those that are within a resolution cell of one, by source and index."""
-    from tmca.dbd.recovery import matched
-
     names: dict[tuple[str, int], str] = {}
     for channel, truth in zip(recovery, recovery.problem.truth or (), strict=False):
         if not any(truth.names) or not len(channel) or channel.relative_doppler:
