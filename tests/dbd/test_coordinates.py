@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Units
-from tmca.dbd.model import distance
-from tmca.dbd.recovery import matched
+from tmca.dbd.model import distance, matched
 from tmca.dbd.simulation import separated_points
 from tmca.errors import SettingError
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Channel, Chirp, Problem, Truth, simulate, solve, waveform_source
+from tmca.dbd.doubts import _doubt
 from tmca.dbd.model import LittleExplained
 from tmca.dbd.tables import recovery_lines
 
@@ -117,3 +118,50 @@ def test_the_verdict_on_a_doubtful_recovery_comes_first_and_whole():
     assert line in repr(recovery)
     title = " ".join(recovery.plot().get_suptitle().split())
     assert title == f"in doubt: {line}"
+
+
+@pytest.mark.parametrize("missing", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_source_that_is_not_in_the_file_is_missed(missing):
+    problem = simulate(M=13, P=9, J=2, targets=2, paths=2, seed=1, snr_db=20)
+    recovery, [line] = told(replace(problem, sources=(problem.sources[1 - missing],), truth=None))
+    assert "of the samples' energy, the noise is 1.5% at most: is a source missing?" in line
+    assert not recovery.found
+
+
+def test_a_solution_stops_at_too_many_points_and_estimates_the_noise(monkeypatch):
+    monkeypatch.setattr("tmca.dbd.frank_wolfe._FEWEST", 4)
+    monkeypatch.setattr("tmca.dbd.frank_wolfe._SAMPLES", 1000)
+    recovery, lines = told(replace(PROBLEM, sigma=PROBLEM.sigma / 20))  # so that noise gives points
+    assert any(note.startswith("stopped at ") and "44 samples" in note for note in recovery.notes)
+    assert recovery.sigma == pytest.approx(PROBLEM.sigma, rel=0.4)
+    assert (lines, len(recovery["radar"])) == ([], 1)
+
+
+def test_paths_that_cancel_are_doubted():
+    channel = solve(PROBLEM, certify=False)["radar"]
+    delays = np.repeat(np.linspace(0, 0.9, 7), 2) + np.tile([0, 1e-4], 7)
+    gains = np.tile([1.0, -1.0], 7) + np.repeat(np.eye(7)[0] * 1e-3, 2)
+    pairs = Channel(channel.atoms, np.column_stack([delays, np.full(14, 0.2)]), gains + 0j, channel.waveform)
+    doubt = _doubt(replace(PROBLEM, sigma=None), [pairs], 0.1)
+    assert doubt is None or doubt.endswith("real samples: any basis would")  # 14 paths of 44 samples
+    large = simulate(M=31, P=9, J=2, targets=1, paths=0, seed=1, snr_db=20)
+    atoms = Channel.true(large.sources[0], large.truth[0], large.shape).atoms
+    pairs = Channel(atoms, pairs.positions, pairs.amplitudes, large.truth[0].waveform)
+    assert _doubt(replace(large, sigma=None), [pairs], 0.1).startswith("14 of 14 paths lie within a resolution cell")
+    spread = Channel(atoms, pairs.positions[::2], pairs.amplitudes[::2], large.truth[0].waveform)
+    assert _doubt(replace(large, sigma=None), [spread], 0.1) is None
+
+
+def test_a_table_in_doubt_has_the_strongest_and_says_where_all_are():
+    recovery = solve(PROBLEM, certify=False)
+    channel = recovery["radar"]
+    places = np.column_stack([np.linspace(0, 0.9, 20), np.full(20, 0.2)])
+    many = Channel(channel.atoms, places, np.arange(1.0, 21) + 0j, channel.waveform)
+    doubted = replace(recovery, sources=(many,), doubt="odd", sigma=0.0)
+    lines = recovery_lines(doubted, file="own.recovery.nc")
+    assert sum(line.strip().startswith("target") for line in lines) == 12
+    assert "target 20" in "\n".join(lines)
+    assert "  and 8 weaker ones (all in own.recovery.nc)" in lines
+    assert lines[0].startswith("found: no, odd")
+    assert lines[-1] == "found: no, odd"
+    assert sum("target" in line for line in recovery_lines(replace(doubted, doubt=None))) >= 20

@@ -119,3 +119,40 @@ def test_broken_problems_are_named(tmp_path, broken, error):
     with pytest.raises(error) as caught:
         load_problem(tmp_path / "q.nc")
     assert caught.value.where.startswith(str(tmp_path / "q.nc"))
+
+
+def test_a_known_channel_is_not_ignored(tmp_path):
+    source = plain().sources[0]
+    np.savez(tmp_path / "mine.npz", y=plain().y[0], basis_radar=source.rows[0], channel_radar=np.ones(3))
+    with pytest.raises(
+        DataError, match=r"found channel_radar, .*a known channel with an unknown message has no solver"
+    ):
+        load_problem(tmp_path / "mine.npz")
+
+
+@pytest.mark.parametrize(
+    ("where", "changed"),
+    [
+        ("y", {"y": plain().y[0].T}),
+        ("basis_radar", {"basis_radar": plain().sources[0].rows[0].T}),
+        ("y", {"y": plain().y[0].T, "basis_radar": plain().sources[0].rows}),
+    ],
+)
+def test_transposed_arrays_are_asked_about(tmp_path, where, changed):
+    np.savez(tmp_path / "mine.npz", **({"y": plain().y[0], "basis_radar": plain().sources[0].rows[0]} | changed))
+    with pytest.raises(ShapeError, match=rf"mine.npz, {where}: .*transposed\?"):
+        load_problem(tmp_path / "mine.npz")
+
+
+def test_pulses_with_nan_are_named():
+    y = np.array(plain().y)
+    y[0, [0, 2], 3] = np.nan
+    with pytest.raises(SettingError, match="2 of 21 samples NaN or infinite, in pulses 0, 2 of 0 to 2"):
+        Problem(y, plain().sources)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".yaml", ".png"])
+def test_other_kinds_of_files_are_told_what_is_read(tmp_path, suffix):
+    (tmp_path / f"a{suffix}").write_text("1")
+    with pytest.raises(DataError, match=rf"the suffix '{suffix}', expected a file of .* \(\.nc\) or an \.npz$"):
+        load_problem(tmp_path / f"a{suffix}")

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tmca.dbd import Units, joint_separation, read_scenario, simulate, solve
+from tmca.dbd import Channel, Problem, Source, Truth, Units, joint_separation, read_scenario, simulate, solve
+from tmca.dbd.model import LIGHT_M_S
 from tmca.dbd.paths import path_csv, path_rows
 from tmca.dbd.separation import Separation
 from tmca.dbd.tables import recovery_lines, recovery_values, separation_line
@@ -122,3 +123,63 @@ def test_points_that_are_jointly_apart_have_a_well_conditioned_matrix(apart, cou
 def test_relative_dopplers_do_not_count():
     problem = simulate(M=13, P=4, J=1, targets=1, paths=2, seed=1, messages="block", basis="gaussian")
     assert [one.axis for one in joint_separation(solve(problem, certify=False).sources)] == ["delay"]
+
+
+def test_joint_separation_takes_a_recovery_and_is_noted_where_it_fails():
+    problem = simulate(M=9, P=5, J=2, targets=2, paths=1, seed=0)
+    recovery = solve(problem, certify=False)
+    assert joint_separation(recovery) == joint_separation(recovery.sources)
+    near = simulate(M=9, P=5, J=2, targets=2, paths=1, seed=0, separation=0.05)
+    for one in (recovery, solve(near, certify=False)):
+        fails = not any(axis.satisfied for axis in joint_separation(one))
+        assert any("not satisfied" in note for note in one.notes) == fails
+        assert sum("joint separation" in line for line in recovery_lines(one)) == 1
+
+
+def close_targets(apart, gain, carrier_hz=None, doppler=0.3):
+    """Two targets of a known waveform in noise, in units of 3 µs and 100 kHz."""
+    rows = np.exp(2j * np.pi * np.random.default_rng(0).random((15, 1)))
+    source = Source("radar", rows, np.zeros(9, int))
+    points = np.array([[0.2, doppler, 0], [0.2 + apart, doppler + apart, 0]])
+    truth = Truth(points, np.array([1, gain], complex), np.ones(1, complex))
+    y = Channel.true(source, truth, (1, 9, 15)).samples()
+    noise = np.random.default_rng(1).standard_normal((2, y.size)) * 0.1 / 2**0.5
+    return Problem(y + noise[0] + 1j * noise[1], (source,), 0.1, (truth,), Units(3e-6, 1e5, carrier_hz))
+
+
+@pytest.mark.parametrize(("apart", "gain"), [(0.07, 0.8), (0.4, 0.0)])
+def test_correlations_are_those_of_a_slow_fisher_matrix(apart, gain):
+    problem = close_targets(apart, gain)
+    recovery = solve(problem, certify=False)
+    channel = recovery["radar"]
+    n, p = np.arange(15) - 7, np.arange(9)[:, None]
+
+    def model(x):
+        return sum(
+            (x[i + 2] + 1j * x[i + 3])
+            * problem.sources[0].rows[..., 0]
+            * np.exp(-2j * np.pi * (n * x[i] + p * x[i + 1]))
+            for i in range(0, len(x), 4)
+        )
+
+    gains = channel.amplitudes * channel.waveform[0]
+    x = np.column_stack([channel.positions, gains.real, gains.imag]).ravel()
+    steps = 1e-6 * np.eye(len(x))
+    jacobian = np.stack([(model(x + one) - model(x - one)).ravel() / 2e-6 for one in steps])
+    covariance = np.linalg.inv((jacobian.conj() @ jacobian.T).real)
+    rows = {row["delay"]: row["delay_doppler_correlation"] for row in path_rows(recovery)}
+    for path, delay in enumerate(channel.points[:, 0]):
+        at = 4 * path
+        slow = covariance[at, at + 1] / np.sqrt(covariance[at, at] * covariance[at + 1, at + 1])
+        assert rows[delay] == pytest.approx(slow, abs=1e-4)
+    assert (abs(slow) < 1e-4) == (len(channel) == 1)
+
+
+def test_range_walk_is_said_in_metres():
+    slow, fast = close_targets(0.4, 0.8, 77e9), close_targets(0.4, 0.8, 10e6)  # 15 cells of 3 µs: 30 m each
+    assert not any("range walk" in note for note in solve(slow, certify=False).notes)
+    recovery = solve(fast, certify=False)
+    [note] = [note for note in recovery.notes if "range walk" in note]
+    doppler = 1e5 * 0.3  # Hz; both are 0.3 turns a pulse from none
+    metres = LIGHT_M_S * doppler / (2 * 10e6) * 8 / 1e5
+    assert f"by {metres:.2g} m, {metres / 30:.2g} of a resolution cell" in note

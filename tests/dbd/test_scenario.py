@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tmca.dbd import Path, Scenario, Target, read_scenario, solve
+from tmca.dbd import Path, Scenario, Target, load_problem, read_scenario, save_problem, solve
 from tmca.dbd.model import LIGHT_M_S, centred
 from tmca.errors import DataError, SettingError
 
@@ -130,7 +130,10 @@ def test_files_that_are_no_scenario_are_named(tmp_path, text):
             "bandwith_hz: 1e7",
             r"found bandwith_hz, expected targets, paths, bandwidth_hz, .*; did you mean bandwidth_hz\?",
         ),
-        ("targets: [{range: 1, velocity_m_s: 2}]", r"range_m, velocity_m_s, gain, angle_deg; did you mean range_m\?"),
+        (
+            "targets: [{range: 1, velocity_m_s: 2}]",
+            r"range_m, velocity_m_s, gain, angle_deg, name; did you mean range_m\?",
+        ),
         ("paths: [{length_m: 1, velocity_m_s: 2, colour: 3}]", r"found paths.0.colour, expected length_m, vel"),
     ],
 )
@@ -145,3 +148,35 @@ def test_numbers_of_targets_are_finite():
     with pytest.raises(SettingError) as caught:
         Target(60.0, float("nan"))
     assert caught.value.where == "velocity_m_s of a target"
+
+
+def test_the_interval_between_pulses_stands_for_the_prefix(tmp_path):
+    (tmp_path / "mine.yaml").write_text("useful_s: 3.3e-6\npri_s: 5.0e-6\n")
+    scene = read_scenario(tmp_path / "mine.yaml")
+    assert scene.interval_s == pytest.approx(5e-6)
+    assert scene.prefix_s == pytest.approx(1.7e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pri_s: 5e-6\nprefix_s: 1e-6", "found pri_s and prefix_s, expected one of them"),
+        ("pri_s: 3e-6", "found pri_s 3e-06, expected 3.3e-06 s, useful_s, or more"),
+        ("pri_s: [1]", "numbers of seconds"),
+        ("pri: 1e-6", "did you mean pri_s"),
+    ],
+)
+def test_intervals_that_fit_no_prefix_are_named(tmp_path, text, said):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(DataError, match=said):
+        read_scenario(tmp_path / "mine.yaml")
+
+
+def test_names_of_targets_stand_at_their_estimates(tmp_path):
+    targets = [replace(SCENE.targets[0], name="truck"), replace(SCENE.targets[1], name="")]
+    problem = replace(SCENE, targets=targets, snr_db=25.0).draw().problem()
+    back = load_problem(save_problem(problem, tmp_path / "p.nc"))
+    assert back.truth[0].names == ("truck", "")
+    frame = solve(back, certify=False).to_pandas().set_index("name")
+    assert list(frame.index) == ["truck", "target 2", "path 1", "path 2"]
+    assert frame.loc["truck", "range_m"] == pytest.approx(60, abs=0.5)

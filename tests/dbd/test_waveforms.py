@@ -238,3 +238,28 @@ def test_samples_without_a_basis_take_a_waveform(tmp_path):
     with pytest.raises(SettingError, match="known useful time"):
         load_problem(tmp_path / "bare.npz", waveforms)
     assert isinstance(found.problem.sources[0], Source)
+
+
+@pytest.mark.parametrize(("shape", "said"), [
+    ((40,), "a known waveform of 40 samples, the same in every pulse"),
+    ((3, 40), "3 unknown waveforms, of which a mix is sent, of 40 samples, the same in every pulse"),
+    ((4, 1, 40), "a known waveform of 40 samples in each of 4 pulses"),
+])  # fmt: skip
+def test_shapes_of_samples_are_told_and_may_change_from_pulse_to_pulse(tmp_path, shape, said):
+    samples = np.random.default_rng(0).standard_normal(shape)
+    np.save(tmp_path / "w.npy", samples)
+    waveform = SampledWaveform(tmp_path / "w.npy", sample_rate_hz=40 / USEFUL)
+    assert waveform.taken_as() == said
+    source = waveform_source("radar", waveform, 4, 21, USEFUL)
+    assert source.messages == 1
+    direct = basis_from_waveform(samples, 21, USEFUL, 40 / USEFUL)
+    np.testing.assert_allclose(source.rows, np.broadcast_to(direct, source.rows.shape))
+
+
+def test_waveforms_of_other_pulses_are_refused_and_each_may_have_its_own_mix(tmp_path):
+    np.save(tmp_path / "w.npy", np.random.default_rng(0).standard_normal((4, 2, 40)))
+    rate = 40 / USEFUL
+    with pytest.raises(ShapeError, match="one set of waveforms for each pulse"):
+        waveform_source("link", SampledWaveform(tmp_path / "w.npy", sample_rate_hz=rate), 5, 21, USEFUL)
+    own = SampledWaveform(tmp_path / "w.npy", sample_rate_hz=rate, shared=False)
+    assert waveform_source("link", own, 4, 21, USEFUL).messages == 4

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -70,6 +70,7 @@ def simulate(
         separation: of two points in at least one coordinate: one number, or DELAY,DOPPLER[,ANGLE].
         known_waveforms: every signal is known up to a factor.
         known: whose signal is known up to a factor: radar, communications or both; the other's stays unknown.
+            A known channel with an unknown message has no solver here.
         model_only: of a scenario: samples of the model instead of a simulation in the time domain.
         waveform: of a scenario with --model-only: what a source sends, as in `tmca dbd solve`; may be repeated.
     """
@@ -158,6 +159,7 @@ def solve(
     for one in waveform or ():
         waveforms |= read_waveforms(one)
     problem = load_problem(file, waveforms)
+    taken = _taken(waveforms)
     out = out or file.with_suffix(".recovery.nc")
     figure = figure or out.with_suffix(".png")
     check_figure(figure, overwrite, file)
@@ -182,7 +184,7 @@ def solve(
     if csv:
         write_text(path_csv(recovery), csv, overwrite=overwrite)
     written = ", ".join(str(one) for one in (out, csv) if one)
-    lines = (*recovery_lines(recovery, markdown), f"wrote {written} and {figure}")
+    lines = (*taken, *recovery_lines(recovery, markdown, str(out)), f"wrote {written} and {figure}")
     say(recovery_values(recovery), json, *lines, markdown=markdown)
 
 
@@ -284,21 +286,38 @@ def _physical(name: str, model_only: bool, seed: int | None, snr: float | None, 
     if waveforms and not model_only:
         raise SettingError("--waveform", "no --model-only", "it", "in the time domain a scenario sends its own codes")
     scene = scenario.draw()
-    for one in waveforms:
-        scene = scene.with_waveforms(read_waveforms(one))
+    for one in map(read_waveforms, waveforms):
+        scene = scene.with_waveforms(one)
+        for line in _taken(one):
+            print(line)
     if model_only:
         return scene.problem()
     print(f"what turns within an interval and the model leaves out: {scene.model_error:.2%} of the samples")
     return scene.receive()
 
 
+def _taken(waveforms: Mapping[str, Any]) -> list[str]:
+    """A line for every waveform of samples: what their shape was taken as."""
+    from tmca.dbd import SampledWaveform
+
+    samples = {name: one for name, one in waveforms.items() if isinstance(one, SampledWaveform)}
+    return [f"{name}: {one.taken_as()}" for name, one in samples.items()]
+
+
 def _tell(problem: Problem, out: Path) -> None:
+    from tmca.dbd.paths import range_walk
+
     antennas, pulses, frequencies = problem.shape
     sizes = f"{pulses} pulses x {frequencies} frequencies" + (f" x {antennas} antennas" if antennas > 1 else "")
     assert problem.truth is not None
     pairs = zip(problem.sources, problem.truth, strict=True)
     parts = ", ".join(f"{source.name} with {len(truth.points)} paths" for source, truth in pairs)
     print(f"wrote {out}: {sizes}; {parts}")
+    if problem.units is not None:
+        walks = [range_walk(one.points, problem.units, pulses).max(initial=0.0) for one in problem.truth]
+        if max(walks) * frequencies > 0.1:
+            said = f"during the pulses delays change by up to {max(walks) * frequencies:.2g} of a resolution cell"
+            print(f"{said}: model and simulation leave this range walk out")
 
 
 def _counts(text: str, option: str) -> list[int]:

@@ -11,11 +11,17 @@ import numpy as np
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, relative_residual, unknowns
 from tmca.dbd.frank_wolfe import frank_wolfe
-from tmca.dbd.model import Complex, Problem, Source, is_radar
+from tmca.dbd.model import Complex, Mask, Problem, Source, distance, is_radar
 from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_other_pulse
 
 _LITTLE, _SIGMAS = 0.5, 5.0
 """Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
+_FAR, _MODEL = 3.0, 0.02
+"""Times a stated noise's energy, and share of the samples' energy on top, above which something else is on air."""
+_CANCELLING, _PAIRS, _CELL = 10.0, 12, 1.0
+"""Energy of all paths one by one over that of their sum, and paths that have a neighbour within so many resolution
+cells, from which paths are no paths: close ones that cancel explain anything.
+"""
 _CROWDED = 0.6
 """Unknowns for every real sample from which a fit that is not exact says nothing: any basis would fit as well."""
 _REMAINS, _NOISELESS, _MANY = 0.03, 0.01, 0.25
@@ -80,9 +86,13 @@ def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exac
     if meant:
         count = sum(map(len, channels))
         return f"{alone or f'{count} paths explain {1 - left**2:.0%}, other bases need fewer'}; {meant}"
-    if alone is None:
-        return another_pulse(problem, channels, left)
-    return f"{alone}: are bases, messages and sigma those of y? is y pulses x frequencies, lowest frequency first?"
+    pulse = another_pulse(problem, channels, left)
+    if alone is None or pulse is not None:
+        return pulse
+    return (
+        f"{alone}: is a source missing? are bases, messages and sigma those of y? "
+        "is y pulses x frequencies, lowest frequency first?"
+    )
 
 
 def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
@@ -91,6 +101,9 @@ def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | 
     if left**2 > noise + _LITTLE * (1 - noise):
         known = "unknown" if problem.sigma is None else f"{noise:.0%} at most"
         return f"the paths leave {left**2:.0%} of the samples' energy (noise: {known})"
+    many = unknowns(channels) > _MANY * 2 * problem.y.size
+    if problem.sigma and left**2 > (noise if many else _FAR * noise + _MODEL):
+        return f"the paths leave {left**2:.1%} of the samples' energy, the noise is {noise:.1%} at most"
     if problem.sigma == 0 and left**2 > _NOISELESS:
         return f"the paths leave {left**2:.0%} of the energy of samples that are said to be without noise"
     if unknowns(channels) > _CROWDED * 2 * problem.y.size:
@@ -98,7 +111,25 @@ def _doubt(problem: Problem, channels: Sequence[Channel], left: float) -> str | 
         return (
             f"{count} paths with {unknowns(channels)} unknowns fit {2 * problem.y.size} real samples: any basis would"
         )
+    close = sum(int(np.sum(_near_another(one))) for one in channels)
+    if close >= _PAIRS and _cancellation(channels) > _CANCELLING:
+        return (
+            f"{close} of {sum(map(len, channels))} paths lie within a resolution cell of others and cancel each other"
+        )
     return None
+
+
+def _near_another(channel: Channel) -> Mask:
+    """``(n,)``, which paths have another one of their source within a resolution cell."""
+    apart = distance(channel.positions[:, None], channel.positions[None]) * channel.atoms.counts
+    return np.sum(np.max(apart, axis=-1, initial=0.0) < _CELL, axis=1) > 1
+
+
+def _cancellation(channels: Sequence[Channel]) -> float:
+    """Energy of the paths one by one over that of their sum."""
+    each = sum(float(np.linalg.norm(one.atoms.signals(one.positions, one.weights)) ** 2) for one in channels)
+    together = float(np.linalg.norm(np.sum([one.samples() for one in channels], axis=0)) ** 2)
+    return each / max(together, 1e-300)
 
 
 def another_pulse(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:

@@ -16,6 +16,7 @@ from pydantic import Field
 
 from tmca.attributes import Attributes, attributes_of
 from tmca.data import read_dataset, write_dataset
+from tmca.data.files import SUFFIXES
 from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
@@ -24,7 +25,7 @@ from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recordings import DATA, META
 from tmca.dbd.simulation import carriers
 from tmca.dbd.waveforms import Waveform, with_waveforms
-from tmca.errors import DataError, TmcaError, check_shape
+from tmca.errors import DataError, ShapeError, TmcaError, check_shape
 
 if TYPE_CHECKING:
     from tmca.dbd.recovery import Recovery
@@ -34,6 +35,9 @@ _POINTS = "normalised delay, Doppler and angle of the paths"
 _WAVEFORM = "coefficients of the waveform in its basis"
 _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
+_OF_SOURCES = ("basis", "message", "weight")
+_CHANNEL = "a known channel with an unknown message has no solver here"
+_LONGEST_NAME = 60
 _RECORDINGS = (".mat", ".npy", META, DATA)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
@@ -52,7 +56,8 @@ def save_problem(problem: Problem, path: str | Path, *, overwrite: bool = False)
         variables[f"message_{index}"] = ("pulse", source.message, _about("message that a pulse carries, from 0"))
     for index, truth in enumerate(problem.truth or ()):
         paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
-        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}"))
+        names = {"names": "\n".join(truth.names)} if any(truth.names) else {}
+        variables[f"true_points_{index}"] = ((*paths, "axis"), truth.points, _about(f"true {_POINTS}", names))
         variables[f"true_amplitudes_{index}"] = _parts(paths, truth.amplitudes, "true gains of the paths")
         variables[f"true_waveform_{index}"] = _parts(coefficient, truth.waveform, f"true {_WAVEFORM}")
     return _written(variables, {"kind": KIND, "sigma": problem.sigma}, problem, path, overwrite)
@@ -149,8 +154,9 @@ def load_problem(path: str | Path, waveforms: Mapping[str, Waveform] | None = No
     if not path.is_file():
         there = "a folder" if path.is_dir() else "no such file"
         raise DataError(path, there, "a NetCDF file of `tmca dbd simulate`, or an .npz with y and basis_…")
-    if path.suffix in _RECORDINGS:
+    if path.suffix != ".npz" and path.suffix.lower() not in SUFFIXES:
         remedy = "y is made by tmca.dbd.read_recording and tmca.dbd.spectra_of_recording; write it with np.savez"
+        remedy = remedy if path.suffix in _RECORDINGS else ""
         raise DataError(path, f"the suffix {path.suffix!r}", "a file of `tmca dbd simulate` (.nc) or an .npz", remedy)
     try:
         if path.suffix == ".npz":
@@ -211,7 +217,8 @@ def _source(path: Path, dataset: Any, index: int) -> Source:
 def _truth(path: Path, dataset: Any, index: int) -> Truth:
     points = _real(path, dataset, f"true_points_{index}")
     gains, waveform = (_joined(path, dataset, f"true_{part}_{index}") for part in ("amplitudes", "waveform"))
-    return Truth(points, gains, waveform)
+    given = str(dataset[f"true_points_{index}"].attrs.get("names", ""))
+    return Truth(points, gains, waveform, tuple(one[:_LONGEST_NAME] for one in given.split("\n")) if given else ())
 
 
 def _joined(path: Path, dataset: Any, name: str) -> Complex:
@@ -238,14 +245,27 @@ def _npz_arrays(path: Path, waveforms: Mapping[str, Waveform]) -> dict[str, Any]
     names = [name.removeprefix("basis_") for name in heads if name.startswith("basis_")]
     if "y" not in heads or not (names or waveforms):
         raise DataError(path, ", ".join(heads) or "nothing", "y and one basis_NAME or more")
-    unknown = [name for name in heads if name not in _NPZ and name.split("_", 1)[-1] not in names]
+    of_sources = {f"{kind}_{name}" for kind in _OF_SOURCES for name in names}
+    unknown = [name for name in heads if name not in _NPZ and name not in of_sources]
     if unknown:
         known = f"{', '.join(_NPZ)}, and basis_, message_ and weight_NAME of a source"
-        raise DataError(path, ", ".join(unknown), known)
+        channel = any(name.startswith("channel") for name in unknown)
+        raise DataError(path, ", ".join(unknown), known, _CHANNEL if channel else "leave the others out")
     check_bytes(path, "samples and bases", sum(prod(shape) * dtype.itemsize for shape, dtype in heads.values()))
     remedy = "np.savez(path, y=…, basis_radar=…, …)"
     with whole_file(path, ".npz of plain arrays", remedy), np.load(path, allow_pickle=False) as loaded:
         return {name: loaded[name] for name in heads}
+
+
+def _check_transposed(y: Any, name: str, rows: Any) -> None:
+    """Raises ShapeError for samples or a basis of one pulse that would fit the other way around."""
+    if y.ndim < 2 or rows.ndim != 2 or len(rows) == y.shape[-1]:
+        return
+    if rows.shape[1] == y.shape[-1]:
+        raise ShapeError(name, f"shape {rows.shape}", f"({y.shape[-1]}, J): frequencies, subspace", "transposed?")
+    if len(rows) == y.shape[-2]:
+        expected = f"(P, {len(rows)}), as {name} of shape {rows.shape}: pulses, frequencies"
+        raise ShapeError("y", f"shape {y.shape}", expected, "transposed?")
 
 
 def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> Problem:
@@ -261,6 +281,7 @@ def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> P
         rows = arrays[f"basis_{name}"]
         if y.ndim < 2 and rows.ndim < 3:
             raise DataError("y", f"{y.ndim} dimension", "(P, M) or (A, P, M), or bases of (P, M, J)")
+        _check_transposed(y, f"basis_{name}", rows)
         plain = np.arange(len(rows)) if rows.ndim == 3 else np.zeros(y.shape[-2], np.int64)
         weight = {"weight": numbers[f"weight_{name}"]} if f"weight_{name}" in numbers else {}
         sources.append(Source(name, rows, arrays.get(f"message_{name}", plain), **weight))

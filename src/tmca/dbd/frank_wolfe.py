@@ -35,6 +35,8 @@ _LEVELS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
 _TOLERANCE = 1e-3
 _SMALL = 200
 """Unknowns that a descent may pass through, at most five for every sample."""
+_FEWEST, _SAMPLES = 40, 16
+"""Atoms at which a solution in noise stops: so many, or one for every so many samples, whichever is more."""
 _INSERTIONS = 8
 """Most atoms that one source may gain in a round."""
 _SHARES = (0.1, 0.2, 0.02, 1e-3)
@@ -61,6 +63,8 @@ class Solution(NamedTuple):
     """Standard deviation of the noise it was solved for; 0 for none."""
     notes: tuple[str, ...] = ()
     """What is doubtful about it."""
+    stopped: int = 0
+    """Atoms at which it stopped, more than there may be; 0 where it did not."""
 
 
 def frank_wolfe(problem: Problem) -> Solution:
@@ -70,7 +74,14 @@ def frank_wolfe(problem: Problem) -> Solution:
     audible = EXACT * float(np.sqrt(np.mean(np.abs(problem.y) ** 2)))
     if problem.sigma <= audible:
         return _noiseless(problem)
-    return _at_noise(problem, no_paths(problem), problem.sigma, noise_level(problem) * problem.sigma)
+    solution = _at_noise(problem, no_paths(problem), problem.sigma, noise_level(problem) * problem.sigma)
+    if not solution.stopped:
+        return solution
+    note = (
+        f"stopped at {solution.stopped} points, too many for {problem.y.size} samples: noise of the given sigma, "
+        f"{problem.sigma:.3g}, does not explain the rest; the noise is estimated instead"
+    )
+    return _unknown_noise(problem)._replace(notes=(note,))
 
 
 def _noiseless(problem: Problem) -> Solution:
@@ -93,12 +104,17 @@ def _at_noise(problem: Problem, channels: Channels, sigma: float, level: float) 
     """Solves on from lifted channels at one regularisation; in ``lifted`` are the ones to go on from."""
     y, top = problem.y, largest_level(channels, problem.y)
     steps = [] if any(paths(channels)) else [share * top for share in (0.5, 0.25) if share * top > level]
+    stopped, most = 0, max(_FEWEST, y.size // _SAMPLES)
     if unknowns(channels) < y.size:  # beyond, only the selection of paths goes on
         for step in (*steps, level):
-            channels = descend(channels, y, step, rounds=15, weak=1e-4)
+            further = descend(channels, y, step, rounds=15, weak=1e-4, most=most)
+            if sum(paths(further)) > most:
+                stopped = sum(paths(further))
+                break
+            channels = further
     q = (residual(channels, y) / level).reshape(problem.shape)
     joined = [one.merged(_CELLS) for one in channels]
-    return Solution(channels, structured(joined, y, sigma), q, sigma)
+    return Solution(channels, structured(joined, y, sigma), q, sigma, stopped=stopped)
 
 
 def _unknown_noise(problem: Problem) -> Solution:
@@ -111,6 +127,8 @@ def _unknown_noise(problem: Problem) -> Solution:
     least = 0.0
     while sigma > max(_NO_NOISE * scale, least):
         solution = _at_noise(problem, channels, sigma, factor * sigma)
+        if solution.stopped:
+            break
         channels = solution.lifted
         left = float(np.linalg.norm(residual(solution.channels, problem.y)))
         free = size - unknowns(solution.channels) / 2
@@ -131,11 +149,16 @@ def crowded(channels: Channels, y: Complex) -> bool:
     return unknowns(channels) > max(2 * y.size, min(_SMALL, 5 * y.size))
 
 
-def descend(channels: Channels, y: Complex, level: float, rounds: int = 12, weak: float = 1e-6) -> Channels:
-    """Solves the group BLASSO at one regularisation from lifted channels, without atoms below a share of the whole."""
+def descend(
+    channels: Channels, y: Complex, level: float, rounds: int = 12, weak: float = 1e-6, most: float = np.inf
+) -> Channels:
+    """Solves the group BLASSO at one regularisation from lifted channels, without atoms below a share of the whole.
+
+    It stops with more than ``most`` atoms.
+    """
     channels = fit(channels, y, 10, level)
     for _ in range(rounds):
-        if crowded(channels, y):
+        if crowded(channels, y) or sum(paths(channels)) > most:
             break
         dual = residual(channels, y) / level
         inserted = [one.with_peaks(dual, 1 + _TOLERANCE, most=_INSERTIONS) for one in channels]

@@ -28,12 +28,27 @@ Mask = NDArray[np.bool_]
 
 AXES = ("delay", "doppler", "angle")
 LIGHT_M_S = 299_792_458.0
+_LISTED = 10
+"""Pulses that a message names."""
 
 
 def distance(a: ArrayLike, b: ArrayLike) -> Real:
     """The shorter way around from ``a`` to ``b``, per coordinate, 0 to 0.5; arrays broadcast."""
     apart = np.abs(np.asarray(a, float) - np.asarray(b, float)) % 1.0
     return np.minimum(apart, 1 - apart)
+
+
+def matched(estimate: Real, truth: Real) -> tuple[Whole, Whole]:
+    """Pairs with the least sum of largest coordinate errors (Hungarian method): indices into both.
+
+    Args:
+        estimate: ``(n, D)``.
+        truth: ``(m, D)``.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    first, second = linear_sum_assignment(distance(estimate[:, None], truth[None]).max(-1, initial=0.0))
+    return first, second
 
 
 def centred(values: Real) -> Real:
@@ -192,13 +207,17 @@ class Truth:
         points: ``(L, 3)``, normalised delay, Doppler and angle of each path in [0, 1).
         amplitudes: ``(L,)``, complex gains.
         waveform: ``(G J,)``, coefficients of the signal in its basis.
+        names: of the paths, in tables and figures; empty ones are numbered.
     """
 
     points: Real
     amplitudes: Complex
     waveform: Complex
+    names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.names and len(self.names) != len(self.amplitudes):
+            raise ShapeError("names of the truth", f"{len(self.names)}", f"{len(self.amplitudes)}, one for each path")
         check_shape("points of the truth", np.shape(self.points), (len(self.amplitudes), 3))
         if not all(np.all(np.isfinite(one)) for one in (self.points, self.amplitudes, self.waveform)):
             raise SettingError("truth", "NaN or infinite numbers", "finite ones")
@@ -241,11 +260,16 @@ class Problem(Summary):
         shape = (y.shape[0] if y.ndim == 3 else 1, *size)
         if y.shape not in (shape, size, (size[0] * size[1],)):
             expected = f"{size} or {size[0] * size[1]} numbers, after antennas where there are any"
-            raise ShapeError("y", f"shape {y.shape}", expected, "y and the bases have to be of the same pulses")
+            turned = y.ndim > 1 and y.shape[-2:] == size[::-1]
+            remedy = "transposed?" if turned else "y and the bases have to be of the same pulses"
+            raise ShapeError("y", f"shape {y.shape}", expected, remedy)
         object.__setattr__(self, "y", y.reshape(shape))
-        bad = int(np.sum(~np.isfinite(y)))
-        if bad:
-            raise SettingError("y", f"{bad} of {y.size} samples NaN or infinite", "finite samples", "drop the pulses")
+        bad = ~np.isfinite(self.y)
+        if bad.any():
+            pulses = [str(one) for one in np.flatnonzero(bad.any(axis=(0, 2)))]
+            which = f"{', '.join(pulses[:_LISTED])}{' …' * (len(pulses) > _LISTED)} of 0 to {size[0] - 1}"
+            found = f"{int(bad.sum())} of {y.size} samples NaN or infinite, in pulse{'s'[: len(pulses) != 1]} {which}"
+            raise SettingError("y", found, "finite samples", "drop the pulses")
         if self.sigma is not None:
             check_range("sigma", self.sigma, 0)
         if self.truth is not None and len(self.truth) != len(names):

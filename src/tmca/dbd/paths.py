@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import AXES, Problem, Real, centred, distance, from_zero, is_radar
+from tmca.dbd.model import AXES, Problem, Real, Units, centred, distance, from_zero, is_radar, matched
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,11 +25,15 @@ _SHARED = {
     "length_m": ("m", "length of a path"),
     "velocity_m_s": ("m/s", "radial velocity, positive away"),
     "angle_deg": ("degree", "angle from broadside"),
+    "delay_doppler_correlation": ("1", "correlation of the errors of delay and Doppler"),
     "gain_real": ("", "real part of the gain"),
     "gain_imag": ("", "imaginary part of the gain"),
     "power_db": ("dB", "power, 20 log10 of the gain"),
 }
 """Unit and meaning of every number of a path."""
+_TENTH = 0.1
+"""Resolution cells of range walk that are said."""
+_WITHOUT_STD = ("delay_doppler_correlation", "gain_real", "gain_imag", "power_db")
 WORDS = ("name", "role", "source", "relative_doppler", "not_resolved_from")
 
 
@@ -42,24 +46,96 @@ def path_rows(recovery: Recovery) -> list[dict[str, Any]]:
     same source within a resolution cell, from which it is no farther than their standard deviation; else it is empty.
     """
     names, rows = path_names(recovery), []
-    for channel in recovery:
+    for channel, correlations in zip(recovery, _correlations(recovery), strict=True):
         for index in map(int, np.argsort(channel.points[:, 0])):
             row: dict[str, Any] = {"name": names[channel.name, index], "role": _role(channel), "source": channel.name}
             other = unresolved_from(channel, index)
             row |= {"relative_doppler": channel.relative_doppler}
             row["not_resolved_from"] = "" if other is None else names[channel.name, other]
-            rows.append(row | _numbers(channel, index, recovery))
+            row |= _numbers(channel, index, recovery)
+            row["delay_doppler_correlation"] = finite(correlations[index])
+            rows.append(row)
     return rows
 
 
+def _correlations(recovery: Recovery) -> list[Real]:
+    """Per source ``(n,)``, of the errors of delay and Doppler at the Cramér–Rao bound; NaN where it is not known."""
+    from tmca.dbd.noise import covariances
+
+    nothing = [np.full(len(channel), np.nan) for channel in recovery]
+    if not recovery.sigma or not any(map(len, recovery)):
+        return nothing
+    every = []
+    for channel, covariance, unknown in zip(
+        recovery, covariances(recovery.sources, recovery.sigma), nothing, strict=True
+    ):
+        if channel.atoms.columns[:2] != [0, 1]:
+            every.append(unknown)
+            continue
+        with np.errstate(divide="ignore", invalid="ignore"):
+            every.append(covariance[:, 0, 1] / np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1]))
+    return every
+
+
+def walk_line(recovery: Recovery) -> str:
+    """That targets or paths walk through the ranges during the pulses, which the model leaves out; empty if not so.
+
+    It is said from a tenth of a resolution cell on, and from one standard deviation.
+    """
+    units, (_, pulses, frequencies) = recovery.problem.units, recovery.problem.shape
+    if units is None or units.carrier_hz is None:
+        return ""
+    names, moved = path_names(recovery), []
+    for channel in recovery:
+        walks = range_walk(channel.points, units, pulses)
+        for index, walk in enumerate(walks):
+            deviation = np.nan if channel.bounds is None else channel.bounds[index, 0]
+            if walk > _TENTH / frequencies or walk > deviation:
+                metres = float(units.physical(walk, 0, channel.name))
+                moved.append((walk * frequencies, f"{names[channel.name, index]} by {metres:.2g} m"))
+    if not moved:
+        return ""
+    cells, which = max(moved)
+    return (
+        f"{len(moved)} of {len(names)} paths move during the pulses, {which}, {cells:.2g} of a resolution cell: "
+        "the model leaves this range walk out; ranges are those in the middle of the pulses"
+    )
+
+
+def range_walk(points: Real, units: Units, pulses: int) -> Real:
+    """``(n,)``, by how much the normalised delays of ``(n, 3)`` points change from the first pulse to the last.
+
+    The delay grows by Doppler over carrier frequency times the time; 0 where Doppler or carrier are not known.
+    """
+    turns = np.nan_to_num(centred(points[:, 1])) * (pulses - 1)
+    return np.abs(turns) / (units.delay_s * (units.carrier_hz or np.inf))
+
+
 def path_names(recovery: Recovery) -> dict[tuple[str, int], str]:
-    """Names by source and index: targets and paths are counted from 1, from the least delay on."""
+    """Names by source and index: targets and paths are counted from 1, from the least delay on.
+
+    Those that match one with a name in the truth have that name.
+    """
     roles, names = [_role(one) for one in recovery], {}
     for channel in recovery:
         word = "target" if is_radar(channel.name) else "path"
         of = f"{channel.name} " if roles.count(_role(channel)) > 1 else ""
         for number, index in enumerate(map(int, np.argsort(channel.points[:, 0])), start=1):
             names[channel.name, index] = f"{of}{word} {number}"
+    return names | _true_names(recovery)
+
+
+def _true_names(recovery: Recovery) -> dict[tuple[str, int], str]:
+    """The truth's names of those that are within a resolution cell of one, by source and index."""
+    names: dict[tuple[str, int], str] = {}
+    for channel, truth in zip(recovery, recovery.problem.truth or (), strict=False):
+        if not any(truth.names) or not len(channel) or channel.relative_doppler:
+            continue
+        here, there = matched(channel.positions, channel.atoms.seen(truth.points))
+        apart = distance(channel.positions[here], channel.atoms.seen(truth.points)[there]) * channel.atoms.counts
+        for index, true, cells in zip(here, there, apart, strict=True):
+            if truth.names[true] and np.all(cells < 1) and truth.names[true] not in names.values():
+                names[channel.name, int(index)] = truth.names[true]
     return names
 
 
@@ -89,7 +165,7 @@ def _numbers(channel: Channel, index: int, recovery: Recovery) -> dict[str, floa
     for name in _SHARED:
         value, bound = found.get(name, (np.nan, None))
         numbers[name] = finite(value)
-        if name not in ("gain_real", "gain_imag", "power_db"):
+        if name not in _WITHOUT_STD:
             numbers[f"{name}_std"] = None if bound is None or numbers[name] is None else finite(bound)
     return numbers
 

@@ -155,6 +155,7 @@ def _plane(recovery: Recovery, index: int, asked: str, spread: Real | None) -> d
         "labels": [scales[axis].label for axis in axes],
         "estimate": shown(channel.points, axes),
         "truth": None if truth is None else shown(truth, axes),
+        "names": () if problem.truth is None else problem.truth[index].names,
         "matched": matched if over == axes else matched.max(axis=1),
         "covariances": _scaled(spread, channel, axes, scales),
     }

@@ -29,7 +29,7 @@ class RecordedSamples(NamedTuple):
     """Samples and what their file says of them."""
 
     samples: Complex
-    """``(T,)``, or ``(J, T)``."""
+    """``(T,)``, ``(J, T)`` or ``(P, J, T)``."""
     sample_rate_hz: float | None = None
 
 
@@ -109,14 +109,14 @@ def _chosen(path: Path, names: list[str], variable: str | None) -> str:
 
 
 def _samples(path: Path, name: str, values: Any) -> Complex:
-    """``(T,)`` or ``(J, T)``: MATLAB's columns are single samples."""
+    """``(T,)``, ``(J, T)`` or ``(P, J, T)``: MATLAB's columns are single samples."""
     values = np.asarray(values)
     if values.dtype.kind not in "iufc":
         raise DataError(path, f"{name} of {values.dtype}", "numbers")
     if values.ndim == 2 and 1 in values.shape:
         values = values.reshape(-1)
-    if values.ndim not in (1, 2) or not values.size or not np.all(np.isfinite(values)):
-        raise DataError(path, f"{name} of shape {values.shape}", "finite samples (T,) or (J, T)")
+    if values.ndim not in (1, 2, 3) or not values.size or not np.all(np.isfinite(values)):
+        raise DataError(path, f"{name} of shape {values.shape}", "finite samples (T,), (J, T) or (P, J, T)")
     return values.astype(np.complex128)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tmca.dbd.certificate import Certificate
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, Whole, centred, distance
+from tmca.dbd.model import AXES, Complex, Problem, Real, Source, Truth, Units, centred, distance, matched
 from tmca.dbd.paths import path_dataset, path_frame
 from tmca.errors import SettingError
 from tmca.summaries import Summary, as_numpy, sizes
@@ -37,8 +37,9 @@ class Recovery(Summary):
         seconds: all steps took.
         notes: what cannot be known, and what was doubtful.
         doubt: why the paths do not explain the samples, in one sentence, or None: more than the noise and half of all
-            other energy is left, nearly as many unknowns as samples were needed, or another pulse, or another sign or
-            order of the bases, explains the samples better.
+            other energy is left, or far more than a stated noise, nearly as many unknowns as samples were needed, or
+            many close paths that cancel, or another pulse, or another sign or order of the bases, explains the samples
+            better.
     """
 
     problem: Problem = field(repr=False)
@@ -241,16 +242,3 @@ def _source_score(channel: Channel, source: Source, truth: Truth) -> SourceScore
     turned = (channel.waveform.reshape(source.messages, -1) * ramp[:, None]).reshape(-1)
     correlation = abs(np.vdot(turned, truth.waveform)) / (np.linalg.norm(turned) * np.linalg.norm(truth.waveform))
     return SourceScore(channel.name, True, errors, float(correlation), bounds, reference)
-
-
-def matched(estimate: Real, truth: Real) -> tuple[Whole, Whole]:
-    """Pairs with the least sum of largest coordinate errors (Hungarian method): indices into both.
-
-    Args:
-        estimate: ``(n, D)``.
-        truth: ``(m, D)``.
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    first, second = linear_sum_assignment(distance(estimate[:, None], truth[None]).max(-1, initial=0.0))
-    return first, second

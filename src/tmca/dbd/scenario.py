@@ -49,12 +49,13 @@ class Way(ABC):
     velocity_m_s: float
     gain: complex
     angle_deg: float
+    name: str
     trips: ClassVar[int]
     """2 for there and back."""
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
+        for name, value in ((name, value) for name, value in vars(self).items() if name != "name"):
             if not abs(value) <= _MOST:
                 wanted = f"a number of at most {_MOST:g}"
                 raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", wanted)
@@ -82,12 +83,14 @@ class Target(Way):
         velocity_m_s: radial, positive away.
         gain: complex amplitude of the echo; one is as strong as a communications path of gain one.
         angle_deg: from the broadside of the array.
+        name: in tables and figures of what is simulated; none is ``target 1``, …
     """
 
     range_m: float
     velocity_m_s: float
     gain: complex = 1.0
     angle_deg: float = 0.0
+    name: str = ""
     trips: ClassVar[int] = 2
 
     @property
@@ -105,12 +108,14 @@ class Path(Way):
         velocity_m_s: by which the way grows.
         gain: complex amplitude.
         angle_deg: of arrival.
+        name: in tables and figures of what is simulated; none is ``path 1``, …
     """
 
     length_m: float
     velocity_m_s: float
     gain: complex = 1.0
     angle_deg: float = 0.0
+    name: str = ""
     trips: ClassVar[int] = 1
 
     @property
@@ -269,7 +274,7 @@ class Scenario(Summary):
             doppler = way.doppler_hz(self.carrier_hz)
             points[index] = (way.delay_s / self.useful_s, doppler * self.interval_s, way.turn(self.spacing))
             gains[index] = way.gain * np.exp(-2j * np.pi * doppler * self.middle_s(way))
-        return Truth(points % 1.0, gains, waveform)
+        return Truth(points % 1.0, gains, waveform, tuple(way.name for way in channel))
 
     def middle_s(self, way: Way) -> float:
         """The middle of an echo, or of a message, since the useful part of an interval began; gains count from it."""

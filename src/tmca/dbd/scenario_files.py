@@ -12,10 +12,14 @@ from tmca.errors import DataError, TmcaError, did_you_mean
 from tmca.yaml_files import read_yaml
 
 _SCENARIOS = FilePath(__file__).parent / "scenarios"
+_INTERVAL, _ROUNDING = "pri_s", 1e-12
+"""The interval between pulses, in a file in the place of the prefix; share of it that is rounding."""
 
 
 def read_scenario(source: str | FilePath) -> Scenario:
     """A scenario by its name, or from a YAML file of its arguments with lists of targets and paths.
+
+    A file may have ``pri_s``, the interval between pulses, in the place of ``prefix_s``.
 
     Raises:
         DataError: no such file or name, or a file that is no such description.
@@ -31,7 +35,7 @@ def read_scenario(source: str | FilePath) -> Scenario:
     described = read_yaml(file, "a description of a scenario: names and values, such as bandwidth_hz: 10e6")
     described |= {name: described.get(name) or [] for name in ("targets", "paths")}
     try:
-        return TypeAdapter(Scenario).validate_python(_plain(described))
+        return TypeAdapter(Scenario).validate_python(_plain(_with_prefix(file, described)))
     except ValidationError as error:
         first = first_problem(error)
         cause = first.get("ctx", {}).get("error")
@@ -40,9 +44,27 @@ def read_scenario(source: str | FilePath) -> Scenario:
         place = ".".join(map(str, first["loc"]))
         if first["type"] == UNKNOWN_NAME:
             described_by: type[Any] = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
-            known = [one.name for one in fields(described_by)]
+            known = [one.name for one in fields(described_by)] + [_INTERVAL] * (described_by is Scenario)
             raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
         raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
+
+
+def _with_prefix(file: FilePath, described: dict[str, Any]) -> dict[str, Any]:
+    """The description with the cyclic prefix that its interval between pulses leaves, where it has one."""
+    if _INTERVAL not in described:
+        return described
+    if "prefix_s" in described:
+        raise DataError(file, f"{_INTERVAL} and prefix_s", "one of them", f"prefix_s is {_INTERVAL} - useful_s")
+    rest = {name: value for name, value in described.items() if name != _INTERVAL}
+    useful = described.get("useful_s", Scenario.useful_s)
+    try:
+        interval, prefix = float(described[_INTERVAL]), float(described[_INTERVAL]) - float(useful)
+    except (TypeError, ValueError) as error:
+        found = f"{_INTERVAL} {described[_INTERVAL]!r}, useful_s {useful!r}"
+        raise DataError(file, found, "numbers of seconds") from error
+    if not prefix >= -_ROUNDING * interval:
+        raise DataError(file, f"{_INTERVAL} {interval:g}", f"{float(useful):g} s, useful_s, or more")
+    return rest | {"prefix_s": max(prefix, 0.0)}
 
 
 def _plain(value: Any) -> Any:

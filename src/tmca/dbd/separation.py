@@ -13,11 +13,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, Real, distance
+
+if TYPE_CHECKING:
+    from tmca.dbd.recovery import Recovery
 
 
 @dataclass(frozen=True)
@@ -48,12 +52,16 @@ class Separation:
         return float(np.sqrt((samples + inverse) / (samples - inverse))) if self.satisfied else float("inf")
 
 
-def joint_separation(channels: Sequence[Channel]) -> tuple[Separation, ...]:
+def joint_separation(recovery: Recovery | Sequence[Channel]) -> tuple[Separation, ...]:
     """The joint separation in every coordinate that all sources see, delays first.
 
     Dopplers that only count from each other's within a source cannot be compared with another source's, and are left
     out, as are coordinates of one sample.
+
+    Args:
+        recovery: or its channels, one of every source.
     """
+    channels = list(recovery)
     shape = channels[0].atoms.shape
     found = []
     for axis, samples in ((0, shape[2]), (1, shape[1])):

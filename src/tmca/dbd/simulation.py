@@ -74,6 +74,9 @@ def simulate(
             no number.
     """
     if known is not None:
+        if known == "channel":
+            remedy = "a known channel with an unknown message has no solver here"
+            raise SettingError("known", "'channel'", f"one of {', '.join(KNOWN)}", remedy)
         check_choice("known", known, KNOWN)
     for name, size in {"M": M, "P": P, "J": J, "antennas": antennas}.items():
         check_range(name, size, 1, whole=True)

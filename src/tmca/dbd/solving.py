@@ -28,7 +28,10 @@ from tmca.dbd.model import (
     taken_one_way,
 )
 from tmca.dbd.noise import bounds, noise_level, structured
+from tmca.dbd.paths import walk_line
 from tmca.dbd.recovery import Recovery
+from tmca.dbd.separation import joint_separation
+from tmca.dbd.tables import separation_line
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.progress import Asked, reporting
 
@@ -209,4 +212,8 @@ def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, 
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
     doubtful = whole_doubt(problem, channels, left, exact)
     seconds, sigma = time.perf_counter() - began, solution.sigma
-    return Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, tuple(notes), doubtful)
+    recovery = Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, (), doubtful)
+    separated = any(one.satisfied or not one.nearest for one in joint_separation(recovery))
+    close = "" if separated or sum(counts) < 2 else separation_line(recovery)
+    notes += [line for line in (walk_line(recovery), close) if line]
+    return replace(recovery, notes=tuple(notes))

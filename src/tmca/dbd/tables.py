@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import Problem, is_radar
+from tmca.dbd.model import AXES, Problem, is_radar
 from tmca.dbd.paths import coordinates, finite, path_names, path_rows, quantities
-from tmca.dbd.separation import joint_separation
+from tmca.dbd.separation import Separation, joint_separation
 
 if TYPE_CHECKING:
     from tmca.dbd.recovery import Recovery
@@ -20,6 +20,8 @@ _PHYSICAL = (
     ("angle_deg", "angle, degrees", 1.0, 2), ("delay_s", "delay, µs", 1e6, 5), ("doppler_hz", "Doppler, kHz", 1e-3, 3),
 )  # fmt: skip
 """Numbers of a table: heading, factor and digits."""
+_MOST_IN_DOUBT = 12
+"""Paths of a source that a table in doubt has, the strongest."""
 
 
 def recovery_values(recovery: Recovery) -> dict[str, Any]:
@@ -57,7 +59,7 @@ def _decibels(gain: complex) -> float | None:
 
 def _separation_values(recovery: Recovery) -> dict[str, Any]:
     """Whether the joint separation condition holds, in any coordinate, and how near the points are."""
-    separation = joint_separation(recovery.sources)
+    separation = joint_separation(recovery)
     values: dict[str, Any] = {"satisfied": any(one.satisfied for one in separation)}
     for one in separation:
         number = finite(one.condition_number)
@@ -68,23 +70,47 @@ def _separation_values(recovery: Recovery) -> dict[str, Any]:
 def separation_line(recovery: Recovery) -> str:
     """The joint separation of all targets and paths in one line."""
     parts, satisfied, names = [], False, path_names(recovery)
-    for one in joint_separation(recovery.sources):
-        quantity, satisfied = f"{one.axis}s" if one.axis == "delay" else "Dopplers", satisfied or one.satisfied
+    for one in joint_separation(recovery):
+        satisfied = satisfied or one.satisfied
         between = f" ({' and '.join(names[path] for path in one.nearest)})" if one.nearest else ""
-        apart = f"{one.least:.3g}{between}" if one.nearest else "no two"
-        parts.append(f"{quantity} {apart} apart, more than {one.needed:.3g} is enough")
+        least, needed = _apart(one, recovery)
+        apart = f"{least}{between}" if one.nearest else "no two"
+        word = "delays" if one.axis == "delay" else "Dopplers"
+        parts.append(f"{word} {apart} apart, more than {needed} is enough")
     if not parts:
         return "joint separation (Monsalve et al. 2022): not defined for these samples"
     verdict = "satisfied" if satisfied else "not satisfied"
     return f"joint separation (Monsalve et al. 2022): {verdict}: {'; '.join(parts)}"
 
 
-def recovery_lines(recovery: Recovery, markdown: bool = False) -> list[str]:
-    """A table for every source, as Markdown if asked for, the flags (first in doubt), and what cannot be known."""
+def _apart(separation: Separation, recovery: Recovery) -> tuple[str, str]:
+    """The least distance and the one that is needed: of one source in metres or metres a second, else as they are in
+    time and frequency, or normalised without units.
+    """
+    units, sources = recovery.problem.units, {name for name, _ in separation.nearest}
+    scale, unit, axis = 1.0, "", AXES.index(separation.axis)
+    if units is not None and len(sources) == 1 and (axis == 0 or units.carrier_hz is not None):
+        scale = float(units.physical(np.array(1.0), axis, sources.pop()))
+        unit = " m" if axis == 0 else " m/s"
+    elif units is not None:
+        scale, unit = (units.delay_s * 1e6, " µs") if axis == 0 else (units.doppler_hz / 1e3, " kHz")
+    return f"{separation.least * scale:.3g}{unit}", f"{separation.needed * scale:.3g}{unit}"
+
+
+def recovery_lines(recovery: Recovery, markdown: bool = False, file: str = "") -> list[str]:
+    """A table for every source, as Markdown if asked for, the flags (first in doubt), and what cannot be known.
+
+    In doubt, only the strongest few paths are there, and the ``file`` that has them all; the doubt is repeated last.
+    """
     tables: list[str] = []
     rows = path_rows(recovery)
     for source in recovery.sources:
-        tables += [*_source_lines(source, rows, recovery.problem, markdown), ""]
+        mine = [row for row in rows if row["source"] == source.name]
+        shown = _strongest(mine) if recovery.doubt else mine
+        tables += _source_lines(source, shown, len(mine), recovery.problem, markdown)
+        if len(shown) < len(mine):
+            tables += ["", f"  and {len(mine) - len(shown)} weaker ones{f' (all in {file})' if file else ''}"]
+        tables.append("")
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
     verdict = (
         f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
@@ -92,8 +118,9 @@ def recovery_lines(recovery: Recovery, markdown: bool = False) -> list[str]:
         f"noise {noise} · {recovery.seconds:.2f} s"
     )
     lines = [verdict, "", *tables] if recovery.doubt else [*tables, verdict]
+    separated = separation_line(recovery)
     if any(map(len, recovery)):
-        lines.append(separation_line(recovery))
+        lines.append(separated)
     if recovery.problem.truth is not None:
         score = recovery.score()
         wrong = not np.isfinite(score.max_error)
@@ -103,7 +130,15 @@ def recovery_lines(recovery: Recovery, markdown: bool = False) -> list[str]:
             else f"largest error {score.max_error:.2g} in normalised coordinates, 0 to 1"
         )
         lines.append(f"against the truth: {'success' if score.success else 'no success'} ({error})")
-    return [*lines, *(f"note: {note}" for note in recovery.notes)]
+    lines += [f"note: {note}" for note in recovery.notes if note != separated]
+    return [*lines, f"found: {_found(recovery)}"] if recovery.doubt and len(rows) > _MOST_IN_DOUBT else lines
+
+
+def _strongest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The few rows of the largest gains, in their order."""
+    order = sorted(rows, key=lambda row: -abs(complex(row["gain_real"], row["gain_imag"])))
+    kept = [row["name"] for row in order[:_MOST_IN_DOUBT]]
+    return [row for row in rows if row["name"] in kept]
 
 
 def _found(recovery: Recovery) -> str:
@@ -113,9 +148,10 @@ def _found(recovery: Recovery) -> str:
     return "no" if not any(map(len, recovery)) else f"no, {recovery.doubt}"
 
 
-def _source_lines(source: Channel, rows: list[dict[str, Any]], problem: Problem, markdown: bool) -> list[str]:
-    """A source's targets or paths in physical units where there are any, normalised without."""
-    mine = [row for row in rows if row["source"] == source.name]
+def _source_lines(
+    source: Channel, mine: list[dict[str, Any]], count: int, problem: Problem, markdown: bool
+) -> list[str]:
+    """Some of a source's targets or paths in physical units where there are any, normalised without."""
     if not mine:
         return [f"{source.name}: no paths"]
     shown = [_cells(row, problem, source.relative_doppler) for row in mine]
@@ -124,7 +160,7 @@ def _source_lines(source: Channel, rows: list[dict[str, Any]], problem: Problem,
             cells | {"not resolved from": row["not_resolved_from"]} for cells, row in zip(shown, mine, strict=True)
         ]
     table = [tuple(shown[0]), *(tuple(cells.values()) for cells in shown)]
-    title = f"{source.name}: {len(mine)} path{'s' if len(mine) > 1 else ''}"
+    title = f"{source.name}: {count} path{'s' if count > 1 else ''}"
     if problem.units is not None:
         title += ", there and back" if is_radar(source.name) else ", one way"
     if markdown:

@@ -15,10 +15,12 @@ import numpy as np
 
 from tmca.dbd.model import Complex, Problem, Source
 from tmca.dbd.simulation import MOST_FREQUENCIES, MOST_NUMBERS, carriers
-from tmca.errors import DataError, SettingError, ShapeError, check_range, did_you_mean
+from tmca.errors import DataError, SettingError, ShapeError, check_range, check_shape, did_you_mean
 
 if TYPE_CHECKING:
     from pydantic import ValidationError
+
+    from tmca.dbd.recordings import RecordedSamples
 
 UNKNOWN_NAME = "unexpected_keyword_argument"
 """Pydantic's name of that error."""
@@ -120,11 +122,13 @@ class SampledWaveform:
     """Samples of a pulse in a file: ``.npz``, ``.mat``, or SigMF (``.sigmf-meta`` beside ``.sigmf-data``).
 
     Args:
-        file: that holds them: ``(T,)`` of a known pulse, ``(J, T)`` of J whose mix is sent.
+        file: that holds them: ``(T,)`` of a known pulse, ``(J, T)`` of J whose mix is sent, ``(P, J, T)`` where they
+            change from pulse to pulse.
         variable: which array, where there are several.
         sample_rate_hz: of the samples; a SigMF file says it itself.
         start_s: when the first one is, since the useful time of an interval began.
         count: how many count, all without.
+        shared: of waveforms that change from pulse to pulse: all pulses send the same mix; otherwise each its own.
     """
 
     file: Path
@@ -132,6 +136,7 @@ class SampledWaveform:
     sample_rate_hz: float | None = None
     start_s: float = 0.0
     count: int | None = None
+    shared: bool = True
     kind: ClassVar[str] = "samples"
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
 
@@ -143,19 +148,32 @@ class SampledWaveform:
             check_range("count of samples", self.count, 1, whole=True)
 
     def rows(self, pulses: int, frequencies: int, delay_s: float) -> Complex:
-        """``(M, J)``, their spectra.
+        """``(M, J)``, their spectra; ``(P, M, J)`` where they change from pulse to pulse.
 
         Raises:
             DataError: a missing or damaged file, or one without a sample rate where none is given.
+            ShapeError: waveforms of another number of pulses.
         """
-        from tmca.dbd.recordings import read_recording
-
-        recorded = read_recording(self.file, self.variable)
+        recorded = self._recorded()
+        if recorded.samples.ndim == 3:
+            check_shape(str(self.file), recorded.samples, (pulses, "J", "T"), "one set of waveforms for each pulse")
         rate = recorded.sample_rate_hz if self.sample_rate_hz is None else self.sample_rate_hz
         if rate is None:
             raise DataError(self.file, "no sample rate", "one", "give sample_rate=… in hertz")
-        samples = recorded.samples[..., : self.count]
-        return basis_from_waveform(samples, frequencies, delay_s, rate, self.start_s)
+        return basis_from_waveform(recorded.samples, frequencies, delay_s, rate, self.start_s)
+
+    def taken_as(self) -> str:
+        """What the shape of the samples is taken as, in words."""
+        *pulses, waveforms, count = np.atleast_2d(self._recorded().samples).shape
+        what = "a known waveform" if waveforms == 1 else f"{waveforms} unknown waveforms, of which a mix is sent,"
+        every = f" in each of {pulses[0]} pulses" if pulses else ", the same in every pulse"
+        return f"{what} of {count} samples{every}"
+
+    def _recorded(self) -> RecordedSamples:
+        from tmca.dbd.recordings import read_recording
+
+        recorded = read_recording(self.file, self.variable)
+        return recorded._replace(samples=recorded.samples[..., : self.count])
 
 
 Waveform = Chirp | Ofdm | SampledWaveform
@@ -245,7 +263,7 @@ def spectra_of_recording(
 def waveform_source(name: str, waveform: Waveform, pulses: int, frequencies: int, delay_s: float) -> Source:
     """A source that sends a waveform in every pulse; see :class:`Source`."""
     rows = waveform.rows(pulses, frequencies, delay_s)
-    own = isinstance(waveform, Ofdm) and not waveform.shared
+    own = not isinstance(waveform, Chirp) and not waveform.shared
     return Source(name, rows, np.arange(pulses) if own else np.zeros(pulses, np.int64))
 
 

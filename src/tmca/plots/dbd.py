@@ -38,6 +38,7 @@ class Plane:
         truth: likewise, where it is known.
         matched: the matched filter on the same grid, where there is one.
         covariances: ``(n, 2, 2)``, of the estimates, where they are known; infinite ones are not drawn.
+        names: of the true paths, where they have any.
     """
 
     title: str
@@ -48,6 +49,7 @@ class Plane:
     truth: Values | None = None
     matched: Values | None = None
     covariances: Values | None = None
+    names: Sequence[str] = ()
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,9 @@ def _draw_image(axis: Axes, plane: Plane, values: Values, span: tuple[float, flo
     if plane.truth is not None:
         outlined = [withStroke(linewidth=3.2 * look.mark, foreground="black")]  # seen on the plane and in the legend
         axis.plot(*plane.truth.T, "o", label="truth", markeredgecolor="white", path_effects=outlined, **_ring(look))
+        beside: Any = {"xytext": (7 * look.mark, 5 * look.mark), "textcoords": "offset points"}
+        for name, place in zip(plane.names, plane.truth, strict=False):
+            axis.annotate(name, place, color="white", fontsize=look.small, path_effects=outlined, **beside)
     axis.plot(*plane.estimate.T, "x", **_cross(look))
     for number, (centre, covariance) in enumerate(
         zip(plane.estimate, plane.covariances if plane.covariances is not None else (), strict=False)
