@@ -228,9 +228,7 @@ def _searched(advice: Advice) -> dict[str, Candidate]:
 
 def _files(advice: Advice) -> dict[str, dict[str, Any]]:
     """Names of files of codes → their kind and slots."""
-    return {
-        name: {"codes": each.design.kind, "slots": each.design.slots} for name, each in _searched(advice).items()
-    }
+    return {name: {"codes": each.design.kind, "slots": each.design.slots} for name, each in _searched(advice).items()}
 
 
 def _tiles(camera: CodedCamera) -> tuple[Tensor, Tensor]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
 
 from tmca.attributes import expected_of
-from tmca.errors import SettingError, TmcaError
+from tmca.errors import SettingError, TmcaError, did_you_mean
 
 if TYPE_CHECKING:
     from pydantic import ValidationInfo
@@ -76,7 +76,7 @@ def first_error(error: ValidationError, names: tuple[str, ...] = ()) -> TmcaErro
         return raised
     where = next((str(part) for part in first["loc"] if isinstance(part, str)), "settings")
     if first["type"] == "extra_forbidden":
-        return SettingError(where, "an unknown name", f"one of {', '.join(names)}")
+        return SettingError(where, "an unknown name", f"one of {', '.join(names)}", did_you_mean(where, names))
     return SettingError(where, str(first["input"]), expected_of(first), "leave it out for the default")
 
 

@@ -299,6 +299,8 @@ def test_every_preset_is_a_device(name):
     ("text", "words"),
     [
         ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
+        ("kind: dmd\npattern_rate: 1000\n",
+         "mine.yaml: pattern_rate: found an unknown name, expected one of name, .*; did you mean pattern_rate_hz?"),
         ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "found a list"), ("kind: [\n", "YAML"),
     ],
 )  # fmt: skip

@@ -33,7 +33,7 @@ def export(
     Args:
         run: folder of `tmca train spectral` or a weights file; its network starts from adjoint, dagger or tikhonov.
         out: folder to write into.
-        formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`. Both without, or torch
+        formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`. Both without, torch
             alone where onnx is not installed.
         frame: HEIGHTxWIDTH of the scene; that of the run's camera without it.
         noise: read noise that the network is told, snapshot units; that of its training without it.
