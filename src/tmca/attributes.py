@@ -190,7 +190,7 @@ def unknown_name(error: ValidationError, kind: type[BaseModel]) -> tuple[str, st
     *outer, name = map(str, places[0])
     for part in outer:
         inner = getattr(kind.model_fields.get(part), "annotation", None)
-        kind = inner if hasattr(inner, "model_fields") else kind
+        kind = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else kind
     known = list(kind.model_fields)
     return ".".join((*outer, name)), "an unknown name", f"one of {', '.join(known)}", did_you_mean(name, known)
 
