@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, JsonValue, TypeAdapt
 from pydantic_core import ErrorDetails, to_json
 
 from tmca.arguments import described
-from tmca.errors import DataError, TmcaError
+from tmca.errors import DataError, TmcaError, did_you_mean
 from tmca.text_files import read_text
 
 A = TypeVar("A", bound="Attributes")
@@ -173,6 +173,26 @@ def _data_error(error: ValueError, where: object, what: str) -> DataError:
         return DataError(where, f"{what} {name}: {raised.where} {raised.found}", raised.expected, REMEDY)
     found = f"{what} {name} = {described(first['input'])}" if name else _syntax(first)
     return DataError(where, found, expected_of(first), REMEDY)
+
+
+def unknown_name(error: ValidationError, kind: type[BaseModel]) -> tuple[str, str, str, str] | None:
+    """Of a name that there is not: its dotted place, what was found, the names that there are, and the nearest of them.
+
+    None where nothing of that kind is wrong. It comes before all else, as it may be one that is missing, misspelt.
+
+    Args:
+        error: of a description that somebody wrote.
+        kind: its model.
+    """
+    places = [one["loc"] for one in error.errors() if one["type"] == "extra_forbidden"]
+    if not places:
+        return None
+    *outer, name = map(str, places[0])
+    for part in outer:
+        inner = getattr(kind.model_fields.get(part), "annotation", None)
+        kind = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else kind
+    known = list(kind.model_fields)
+    return ".".join((*outer, name)), "an unknown name", f"one of {', '.join(known)}", did_you_mean(name, known)
 
 
 def _syntax(error: ErrorDetails) -> str:

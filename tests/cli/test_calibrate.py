@@ -200,7 +200,9 @@ def test_two_buckets_with_faults_reconstruct_as_a_bench_without(capsys, camera, 
     devices = ["--device", "dli4120", "--device", "coded-exposure-two-bucket", "--macro-pixel", "4"]
     main(["export", "sim.nc", *devices, "--no-figures", "--out", "shown"])
     faults = ["--hardware", "bucket_gain=0.05,bucket_offset=0.01,leakage=0.03,transfer=0.05"]
-    main(["calibrate", "capture", "all", "shown", *faults, "--out", "bench"])
+    words = said(capsys, "calibrate", "capture", "all", "shown", *faults, "--out", "bench")
+    curve = "--curve measured " if camera == "spectral" else ""
+    assert words.endswith(f"measure them with tmca calibrate all bench {curve}--out NAME\n")
     main(["calibrate", "all", "bench", "--curve", "measured", "--no-figures", "--out", "mine"])
     main(["capture", "shown", "--scene", scene, "--out", "perfect"])
     main(["capture", "shown", "--scene", scene, *faults, "--out", "faulty"])

@@ -67,11 +67,17 @@ def test_the_page_names_codes_that_were_left_out(capsys):
 @pytest.mark.filterwarnings("always::tmca.sensor.SensorWarning")
 @pytest.mark.slow
 def test_the_answer_may_be_the_static_code(capsys):
-    assert "Do not multiplex" in said(capsys, "design", "spectral", *SMALL, "--read-noise", "30", "--out", "d")
+    words = said(capsys, "design", "spectral", *SMALL, "--read-noise", "30", "--out", "d")
+    assert "Do not multiplex" in words
+    assert words.endswith("codes.nc holds K = 1 (static); the best of K = 2 is codes_k2.nc\n")
     assert read_codes("d/codes.nc").aperture.shape == (1, 6, 6)
+    assert read_codes("d/codes_k2.nc").aperture.shape == (2, 6, 6)
     assert "shutter=open" in Path("d/design.html").read_text()
-    single = ("--slots", "1", "--period", "6", "--out", "e")
-    assert "One slot" in said(capsys, "design", "spectral", *SMALL[:4], *single)
+    single = ("--slots", "1", "--period", "6", "--out", "d", "--overwrite")
+    words = said(capsys, "design", "spectral", *SMALL[:4], *single)
+    assert "One slot" in words
+    assert words.endswith("codes.nc holds K = 1 (static)\n")
+    assert {file.name for file in Path("d").glob("*.nc")} == {"codes.nc", "codes_k1.nc"}
 
 
 def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, capsys, monkeypatch):
@@ -95,6 +101,9 @@ def test_a_design_leaves_codes_that_can_be_taken_along(capsys):
     Path("sensor.yaml").write_text("full_well: 10000\nread_noise_electrons: 3\nexposure: 0.01\npattern_rate: 1e3\n")
     found = design(capsys, "--sensor", "sensor.yaml", "--bits", "12", "--out", "d")
     assert json.loads(Path("d/design.json").read_text())["advice"] == found["advice"]
+    slots, every = found["best"]["slots"], {"codes.nc", "codes_k1.nc", "codes_k2.nc", "burst.nc"}
+    assert {file.name for file in Path("d").glob("*.nc")} == set(found["files"]) == every
+    assert [len(read_codes(f"d/codes{k}.nc").aperture) for k in ("", "_k1", "_k2")] == [slots, 1, 2]
     assert found["most_slots"] == 10
     assert found["sensor"]["bits"] == 12
     assert set(found["best"]["held_out"]) == {"coffee", "tissue"}
@@ -104,9 +113,8 @@ def test_a_design_leaves_codes_that_can_be_taken_along(capsys):
             stack = tifffile.imread(f"d/{name}.tif")
             np.testing.assert_array_equal(np.squeeze(codes[name].values) * 255, np.squeeze(stack))
     assert Path("d/design.html").read_text().count(";base64,") == 2
-    slots = str(found["best"]["slots"])
     common = ["simulate", "spectral", "coffee.nc", "--bands", "4", "--crop", "24x30", "--no-figures", "--out"]
-    take = ["--aperture", "d/aperture.tif", "--shutter", "d/shutter.tif", "--period", "6", "--slots", slots]
+    take = ["--aperture", "d/aperture.tif", "--shutter", "d/shutter.tif", "--period", "6", "--slots", str(slots)]
     main([*common, "one.nc", *take])
     main([*common, "two.nc", "--codes", "d/codes.nc"])
     with xr.open_dataset("one.nc") as one, xr.open_dataset("two.nc") as two:

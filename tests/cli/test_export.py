@@ -11,6 +11,7 @@ from tests.cli.refusals import refused
 from tmca.cameras import Snapshot
 from tmca.cli import main
 from tmca.codes import write_codes
+from tmca.lab.display.manifest import read_export
 
 SMALL = ["coffee", "--crop", "24x28", "--slots", "2", "--bands", "3", "--no-figures", "--out", "sim.nc"]
 EXPORT = ["export", "sim.nc", "--device", "dli4120", "--device", "emulated-shutter", "--no-figures"]
@@ -55,12 +56,54 @@ def test_the_exposure_that_codes_were_designed_for_goes_along(capsys):
 def test_codes_go_to_devices_and_a_capture_comes_back(tmp_path, capsys):
     main([*EXPORT, "--macro-pixel", "2", "--mounting-angle", "45", "--out", "ex"])
     main(["export", "check", "ex"])
+    capsys.readouterr()
     main(["capture", "ex", "--scene", "coffee", "--out", "frames", "--json"])
-    said = json.loads(capsys.readouterr().out.split("emulated-shutter\n")[-1])
+    said = json.loads(capsys.readouterr().out)
     captured, simulated = Snapshot.load(said["snapshot"]), Snapshot.load("sim.nc")
     step = 3 / (65535 - 256)
     torch.testing.assert_close(captured.values, simulated.values, atol=1.01 * step, rtol=0)
     assert captured.notes["device"] == "dli4120, emulated-shutter"
+
+
+def own_codes(period):
+    """The file mine.nc of the page about devices, with its period or without."""
+    page = (Path(__file__).parents[2] / "docs" / "devices.md").read_text()
+    (recipe,) = (block for block in page.split("```python")[1:] if "mine.nc" in block)
+    exec(recipe.partition("```")[0].replace('{"period": [8, 8]}', repr({"period": [8, 8]} if period else {})), {})
+
+
+def same_codes(*folders):
+    one, other = (read_export(folder).planes for folder in folders)
+    return all(torch.equal(one[name], other[name]) for name in ("aperture", "shutter"))
+
+
+def test_codes_of_ones_own_fill_a_device_and_a_small_snapshot_is_their_camera(capsys):
+    own_codes(period=True)
+    simulated = ["simulate", "spectral", "coffee", "--crop", "16x16", "--bands", "3", "--codes", "mine.nc"]
+    main([*simulated, "--no-figures", "--out", "small.nc"])
+    Path("dmd.yaml").write_text("{name: mirrors, kind: dmd, size: [48, 100], macro_pixel: 2}")
+    to = ["--device", "dmd.yaml", "--device", "coded-exposure", "--no-figures", "--code-size", "24x40"]
+    main(["export", "small.nc", *to, "--out", "large"])
+    main(["export", "mine.nc", *to, "--sensor-size", "24x42", "--out", "alone"])
+    said = capsys.readouterr()
+    assert "24×40 code pixels on 48×100 pixels of mirrors, 80% of them; 1 code pixel = 2×2 mirrors" in said.out
+    assert "warning" not in said.err
+    assert same_codes("large", "alone")
+    main(["capture", "alone", "--scene", "coffee", "--out", "frames", "--like", "small.nc"])
+    assert Snapshot.load("frames.nc").camera.size == (24, 40)
+    capsys.readouterr()
+    remedy = "write one: tmca simulate spectral SCENE --codes"
+    assert remedy in refused(capsys, "capture", "alone", "--scene", "coffee", "--out", "f")
+
+
+@pytest.mark.filterwarnings("default::tmca.cameras.CodesWarning")
+def test_codes_that_fill_little_of_a_device_may_be_a_tile_that_does_not_say_so(capsys):
+    own_codes(period=False)
+    main(["export", "mine.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    said = capsys.readouterr().err
+    assert "mine.nc: 8×8 code pixels fill 0.00814% of dli4120; a tile that repeats needs the attribute period" in said
+    simulated = ["simulate", "spectral", "coffee", "--codes", "mine.nc", "--period", "8"]
+    assert "write the attribute period" in refused(capsys, *simulated)
 
 
 def test_a_capture_that_was_stopped_goes_on(capsys, tmp_path, ex):
@@ -149,7 +192,7 @@ def test_the_folder_of_a_design_stands_for_its_codes(tmp_path):
 
     (tmp_path / "design").mkdir()
     write_codes("design/codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
-    main(["export", "design", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    main(["export", "design", "--device", "dli4120", "--macro-pixel", "16", "--no-figures", "--out", "ex"])
     assert json.loads((tmp_path / "ex" / "manifest.json").read_text())["slots"] == 2
 
 
@@ -157,5 +200,5 @@ def test_codes_alone_do_not_say_which_camera_they_are_of(capsys, tmp_path):
     from tmca.codes import write_codes
 
     write_codes("codes.nc", torch.ones(2, 24, 28), torch.ones(2, 24, 30), None)
-    main(["export", "codes.nc", "--device", "dli4120", "--no-figures", "--out", "ex"])
+    main(["export", "codes.nc", "--device", "dli4120", "--macro-pixel", "16", "--no-figures", "--out", "ex"])
     assert "--like" in refused(capsys, "capture", "ex", "--scene", "coffee")

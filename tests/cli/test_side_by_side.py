@@ -8,7 +8,7 @@ import torch
 import xarray as xr
 
 from tests.cli.refusals import refused
-from tmca import simulate
+from tmca import reconstruct, simulate
 from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.data import read_dataset
@@ -161,3 +161,7 @@ def test_an_exported_program_is_a_decoder(here, capsys):
     taken, found = read_dataset("static_snapshot.nc", ()), read_dataset("static_half.nc", ())
     wanted = 0.5 * taken["snapshot"].values.reshape(20, -1)[:, :24].clip(0)
     assert found["estimate"].values[2] == pytest.approx(wanted, abs=1e-6)
+    for path in ("half.pt2", here / "half.pt2"):
+        assert reconstruct("static_snapshot.nc", path).values[0, 2].numpy() == pytest.approx(wanted, abs=1e-6)
+    with pytest.raises(SettingError, match=r"none\.pt2, which is no file"):
+        reconstruct("static_snapshot.nc", "none.pt2")

@@ -236,6 +236,13 @@ def test_the_command_checks_the_files_and_decodes_as_the_functions_do(exported, 
     assert not (tmp_path / "y").exists()
 
 
+def test_where_onnx_is_not_installed_the_other_file_is_written(exported, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("tmca.lab.deploy.find_spec", lambda name: None if name == "onnxruntime" else True)
+    text = said(capsys, "decoder", "export", exported[0], "--out", tmp_path / "y")
+    assert "pip install 'tmca[onnx]'" in text
+    assert sorted(file.name for file in (tmp_path / "y").iterdir()) == ["decoder.json", "decoder.pt2"]
+
+
 def test_a_trusted_file_computes_the_same_and_a_broken_one_is_refused(exported, tmp_path):
     checked, trusted = (load_exported(exported[1] / "decoder.pt2", trust) for trust in (False, True))
     snapshot = torch.rand(1, 1, SIZE[0], SIZE[1] + 3)

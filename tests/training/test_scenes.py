@@ -1,10 +1,13 @@
 """Which scenes a run learns from: nothing that checks it, however often a scene is named."""
 
+import numpy as np
 import pytest
 
-from tmca.errors import SettingError
+from tmca.data import label, write_dataset
+from tmca.errors import DataError, SettingError
 from tmca.training.scenes import scene_lists
 from tmca.training.settings import DataSettings
+from tmca.training.snapshot_camera import scene_at
 
 NAMES = ("astronaut", "chelsea", "rocket", "retina", "tissue")
 
@@ -39,3 +42,14 @@ def test_impossible_shares_are_refused(changes):
 
     with pytest.raises(SettingError, match="shares"):
         training_settings("spectral", None, None, {"data": changes})
+
+
+def test_a_scene_at_the_bands_of_a_camera_bears_rounding_at_its_ends(tmp_path):
+    slope = np.linspace(0.1, 0.9, 5, dtype=np.float32)[:, None, None] * np.ones((1, 2, 3), dtype=np.float32)
+    file = write_dataset(label(slope, np.linspace(4e-7, 6e-7, 5) * (1 + 1e-15)), tmp_path / "scene.nc")
+    bands = 4e-7 * (1 - 1e-15), 5.25e-7, 6e-7 * (1 + 1e-14)
+    scene = scene_at(str(file), bands)
+    np.testing.assert_allclose(scene[:, 0, 0], [0.1, 0.6, 0.9], rtol=1e-6)
+    np.testing.assert_array_equal(scene["wavelength"], bands)
+    with pytest.raises(DataError, match="found bands from 400 to 600 nm, expected all of 399 to 600 nm"):
+        scene_at(str(file), (3.99e-7, 6e-7))

@@ -186,7 +186,10 @@ def _alone(found: dict[str, Any], given: dict[str, Any], others: Iterable[str]) 
     """Arguments of a file of codes, beside which nothing else may say the same."""
     beside = [*others, *(name for name in given if name in found and name not in ("slots", "bench"))]
     if beside:
-        raise SettingError("codes", f"--{beside[0].replace('_', '-')} beside it", "one of them", "leave one out")
+        text, remedy = f"--{beside[0].replace('_', '-')} beside it", "leave one out"
+        if beside[0] == "period" and found["period"] is None:
+            remedy = "write the attribute period: [rows, columns] into the file (docs/devices.md)"
+        raise SettingError("codes", text, "one of them", remedy)
     if given.get("slots", found["slots"]) != found["slots"]:
         raise SettingError("slots", str(given["slots"]), f"{found['slots']}, as the codes have", "leave it out")
     return found

@@ -74,7 +74,8 @@ def spectral(
     """Recommend the number of slots and the codes of a spectral camera for a sensor and SCENES like those to come.
 
     Writes into --out: design.html (start there), design.json, the codes as aperture.tif and shutter.tif (0 and 255, a
-    page per slot, one period) and together as codes.nc, and the codes of the burst of two frames as burst.nc.
+    page per slot, one period) and together as codes.nc. codes_k1.nc are the static ones, codes_kK.nc the best of
+    several slots, recommended or not, and burst.nc those of the burst of two frames.
 
     Args:
         scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
@@ -151,14 +152,14 @@ def spectral_depth(
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.design import QUICK
-    from tmca.reports.codes import columns_of
+    from tmca.reports.codes import columns_of, other_files
     from tmca.reports.words import advice_lines
 
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:
         advice, report = design(progress=progress, **how)
-    said = advice_lines(advice)
-    _report(report, said, report["designs"], columns_of(report), run, "; it has the survey of every number of slots")
+    said, has = advice_lines(advice), "; it has the survey of every number of slots"
+    _report(report, said, report["designs"], columns_of(report), run, has, other_files(report["files"]))
 
 
 def _optics(dispersion: str | None, disperser: str | None) -> dict[str, Any]:
@@ -180,12 +181,19 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
 
 
 def _report(
-    report: dict[str, Any], advice: list[str], rows: list[Any], columns: Any, run: DesignOptions, has: str = ""
+    report: dict[str, Any],
+    advice: list[str],
+    rows: list[Any],
+    columns: Any,
+    run: DesignOptions,
+    has: str = "",
+    *last: str,
 ) -> None:
-    """The designs that were searched on as a table, the advice line by line, and what the page ``has``; or JSON."""
+    """The designs that were searched on as a table, the advice line by line, what the page ``has``, and the ``last``
+    lines; or JSON."""
     from tmca.evaluation.tables import markdown_table
 
-    lines = (markdown_table(rows, columns), *advice, "", f"open {run.out / 'design.html'}{has}")
+    lines = (markdown_table(rows, columns), *advice, "", f"open {run.out / 'design.html'}{has}", *last)
     say(report, run.json, *lines, markdown=run.markdown)
 
 

@@ -260,6 +260,7 @@ def _own_patterns(values: Tensor, slots: int, size: tuple[int, int], tile: tuple
     if tuple(values.shape[1:]) != tuple(min(t, s) for t, s in zip(tile, size, strict=True)):
         found = f"patterns of {values.shape[1]}×{values.shape[2]} pixels"
         remedy = "make them of this size (a mask: sensor and the views' shear around it), or give period= their size"
+        remedy += " if they repeat (in a file of codes the attribute period: [rows, columns])"
         raise ShapeError(name, found, f"{size[0]}×{size[1]}", remedy)
     check_shares(name, values, "0 = closed, 1 = open", "scale the patterns")
     return values.contiguous()

@@ -22,11 +22,11 @@ from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
 from tmca.decoders.estimate import PRIOR, Estimate
-from tmca.decoders.own import decoder_of_file
+from tmca.decoders.own import class_of_file, is_file
 from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
-from tmca.plugins import failures_of, file_of, names_a_file, take
+from tmca.plugins import failures_of, file_of, take
 from tmca.priors import Prior, find_prior, has_rendered
 from tmca.progress import Asked, reporting
 
@@ -231,7 +231,7 @@ class Prepared:
 
 def decode(
     snapshot: Snapshot[Any] | str | Path,
-    decoder: str | type[Decoder] | Decoder | None = None,
+    decoder: str | Path | type[Decoder] | Decoder | None = None,
     *,
     prior: str | Path | Prior | None = None,
     progress: Asked = None,
@@ -243,9 +243,9 @@ def decode(
 
     Args:
         snapshot: values and camera, or the file that holds them.
-        decoder: a name of `decoders_for` the camera, a class or an instance, or ``FILE.py:Class``, which runs the file;
-            None for the camera's usual one, or one without a prior where none is given and the rendered scenes have
-            none for the camera.
+        decoder: a name of `decoders_for` the camera, a class or an instance, ``FILE.py:Class``, which runs the file, or
+            ``FILE.pt2`` of `torch.export`, which makes (1, L, H, W) of (1, 1, H, W'); None for the camera's usual one,
+            or one without a prior where none is given and the rendered scenes have none for the camera.
         prior: a prior, its file, or None for that of the rendered scenes, learned on first use; the estimate notes it.
         progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
             a second in a terminal or a notebook.
@@ -278,8 +278,8 @@ def decode(
     kind = snapshot.camera.kind
     if decoder is None:
         decoder = _usual(snapshot.camera) if prior is None else usual_decoder(kind)
-    if isinstance(decoder, str) and names_a_file(decoder):
-        decoder = decoder_of_file(decoder, Decoder)
+    if isinstance(decoder, str | Path):
+        decoder = class_of_file(str(decoder), Decoder) if is_file(str(decoder)) else str(decoder)
     made = make_decoder(decoder, kind, settings)
     with reporting(progress, made.name) as report:
         if bank is None:

@@ -1,14 +1,34 @@
-"""Decoder classes of files of one's own, ``FILE.py:Class``."""
+"""Decoder classes of files of one's own, ``FILE.py:Class`` and ``FILE.pt2``."""
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from tmca.decoders.registry import DECODERS, complete, register
-from tmca.plugins import class_from_file, file_of
+from tmca.plugins import class_from_file, file_of, names_a_file
+
+_PROGRAM = ".pt2"
+_PROGRAMS = "tmca.lab.decoder_files"
+"""Makes decoders of programs; it lies above this room, and is imported where a program is named."""
 
 _UNNAMED: set[type[Any]] = set()
 """Classes that do not say their name."""
+
+
+def is_file(text: str) -> bool:
+    """Whether a text names a decoder of a file, and not one that is registered."""
+    return names_a_file(text) or text.endswith(_PROGRAM)
+
+
+def class_of_file(text: str, base: type) -> Any:
+    """A decoder class of ``FILE.py:Class``, which runs the file, or of ``FILE.pt2``, whose operators are checked.
+
+    Raises:
+        SettingError: as `decoder_of_file`, or no such file.
+        DataError: no program of a decoder.
+    """
+    return import_module(_PROGRAMS).exported(text) if text.endswith(_PROGRAM) else decoder_of_file(text, base)
 
 
 def decoder_of_file(text: str, base: type, where: str = "decoder", name: str = "") -> Any:

@@ -45,6 +45,10 @@ class CellsFailed(TmcaError):
     results: Measured | None = None
 
 
+_REASON = 80
+"""Characters of a reason in an error; the table has all of it."""
+
+
 class DamagedCell(UserWarning):
     """A finished cell whose file is no longer what was written: it is computed again."""
 
@@ -121,13 +125,13 @@ class Grid:
     def check(self) -> None:
         """Raise CellsFailed if cells raised: the message names the first, the folder holds every traceback."""
         if self.failed:
-            named, more = ", ".join(name for name, *_ in self.failed[:3]), ", …" if len(self.failed) > 3 else ""
-            _, trouble, reason = self.failed[0]
+            (first, trouble, reason), more = self.failed[0], ", …" if len(self.failed) > 1 else ""
+            reason = reason if len(reason) <= _REASON else f"{reason[:_REASON]} …"
             raise CellsFailed(
                 self.folder,
-                f"{len(self.failed)} of {self.total} cells failed ({named}{more})",
+                f"{len(self.failed)} of {self.total} cells failed ({first}{more})",
                 "",
-                f"the first says: {reason}; see {trouble}; a rerun computes only what is missing",
+                f"the first says: {reason}; see {trouble.name} there; a rerun computes only what is missing",
             )
 
     def reasons(self) -> dict[str, str]:

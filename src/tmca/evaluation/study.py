@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from tmca.applications import application_of
+from tmca.attributes import unknown_name
 from tmca.cameras import CAMERAS, CodedCamera
 from tmca.codes import tile_of
 from tmca.decoders import decoders
@@ -193,6 +194,8 @@ def checked_study(described: Mapping[str, Any], where: str) -> Study:
     try:
         return Study.model_validate(described)
     except ValidationError as error:
+        if unknown := unknown_name(error, Study):
+            raise SettingError(f"{where}.{unknown[0]}", *unknown[1:]) from None
         first = error.errors()[0]
         place = ".".join(map(str, (where, *first["loc"])))
         cause = first.get("ctx", {}).get("error")

@@ -98,8 +98,8 @@ def check_counts(**counts: int) -> None:
 
 def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     """Raises SettingError unless there are decoders, all of them known."""
+    from tmca.decoders.own import is_file
     from tmca.decoders.registry import unknown_decoder
-    from tmca.lab.decoder_files import is_file
 
     unknown = [name for name in decoders if name not in known]
     if files := [name for name in unknown if is_file(name)]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tmca.cameras import Camera, Hardware, Snapshot
-from tmca.data import read_dataset, read_scene
+from tmca.data import read_scene
 from tmca.errors import SettingError
 from tmca.lab.acquisition.drivers import Device, Lamp, find_device
 from tmca.lab.acquisition.session import capture, check_camera, joined
@@ -21,7 +21,8 @@ from tmca.lab.cameras import lab_camera
 from tmca.lab.display.codes import read_planes
 from tmca.lab.display.devices import DeviceDescription, device_named
 from tmca.lab.display.export import Export, export_codes
-from tmca.lab.display.manifest import SOURCE_AT, check_export, exposed_whole
+from tmca.lab.display.manifest import check_export, exposed_whole
+from tmca.lab.exported_camera import camera_shown, exported_snapshot
 from tmca.progress import Asked, Report, reporting
 from tmca.summaries import Summary
 
@@ -72,24 +73,6 @@ def aperture_changed(name: str, changes: Mapping[str, Any]) -> DeviceDescription
     """A device by its name; ``changes`` hold where it shows the aperture."""
     plain = device_named(name)
     return device_named(name, **changes) if plain.plane == "aperture" else plain
-
-
-def exported_snapshot(manifest: Mapping[str, Any], where: str = "snapshot") -> Snapshot[Any]:
-    """The snapshot file that an export was made from, which says its camera.
-
-    Args:
-        manifest: of the export.
-        where: what names another one.
-
-    Raises:
-        SettingError: the export was made from codes alone, or from a file that is gone.
-    """
-    source = Path(manifest.get(SOURCE_AT, manifest["source"]))
-    stored = source.suffix in (".nc", ".h5") and source.is_file()
-    if not stored or "snapshot" not in read_dataset(source):
-        found = f"an export of {source}, which {'says codes alone' if source.exists() else 'is not found'}"
-        raise SettingError(where, found, "the snapshot file of its camera", "write one with `tmca simulate`")
-    return Snapshot.load(source)
 
 
 def steps_before(camera: Camera, manifest: dict[str, Any], simulated: bool) -> tuple[list[str], list[str]]:
@@ -154,7 +137,7 @@ class Bench(Summary):
     ) -> None:
         self.folder, self.name, self.timeout = Path(folder), device, timeout
         self.manifest = check_export(self.folder)
-        self.camera: Camera = (snapshot or exported_snapshot(self.manifest)).camera
+        self.camera: Camera = camera_shown(snapshot or exported_snapshot(self.manifest), self.manifest).camera
         check_camera(self.folder, self.camera)
         self.simulated = device == SIMULATED
         faults = hardware or Hardware()

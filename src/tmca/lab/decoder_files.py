@@ -11,7 +11,7 @@ from torch import Tensor
 
 from tmca.decoders import Decoder
 from tmca.decoders.decoder import Progress
-from tmca.decoders.own import decoder_of_file
+from tmca.decoders.own import decoder_of_file, is_file
 from tmca.decoders.registry import all_cameras
 from tmca.errors import SettingError
 from tmca.lab.checked_graph import CheckedProgram, load_program
@@ -42,11 +42,6 @@ class ExportedDecoder(Decoder):
         return torch.cat([self.program(one[None].to("cpu", dtype)) for one in values]).to(values)
 
 
-def is_file(text: str) -> bool:
-    """Whether a text names a decoder of a file, and not one that is registered."""
-    return names_a_file(text) or text.endswith(".pt2")
-
-
 def decoder_named(text: str, where: str = "decoder", name: str = "") -> str:
     """Name of a decoder, which is registered: its own, or that of a file, which is loaded now.
 
@@ -63,7 +58,7 @@ def decoder_named(text: str, where: str = "decoder", name: str = "") -> str:
     """
     if not is_file(text):
         return text
-    cls = decoder_of_file(text, Decoder, where, name) if names_a_file(text) else _exported(Path(text), where, name)
+    cls = decoder_of_file(text, Decoder, where, name) if names_a_file(text) else exported(text, where, name)
     _LOADED[cls.name] = place_of(text)
     return str(cls.name)
 
@@ -117,8 +112,14 @@ def loaded(names: Iterable[str]) -> dict[str, str]:
     return {name: _LOADED[name] for name in names if name in _LOADED}
 
 
-def _exported(path: Path, where: str, name: str) -> type[Decoder]:
-    """A decoder that computes an exported program, named after its file."""
+def exported(file: str | Path, where: str = "decoder", name: str = "") -> type[Decoder]:
+    """A decoder that computes an exported program, named after its file.
+
+    Raises:
+        SettingError: no such file.
+        DataError: no program of a decoder.
+    """
+    path = Path(file)
     if not path.is_file():
         raise SettingError(where, f"{path}, which is no file", "a file of `tmca decoder export`")
     about = read_description(path.parent) if (path.parent / DESCRIPTION).is_file() else None

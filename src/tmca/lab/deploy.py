@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -134,6 +135,7 @@ def _said(waves: Sequence[float]) -> str:
 
 FORMATS = {"torch": "decoder.pt2", "onnx": "decoder.onnx"}
 _OPERATORS = {"torch": FixedOperator, "onnx": LookedUpOperator}
+_ONNX = ("onnx", "onnxscript", "onnxruntime")
 _CLOSE = 1e-3
 """Largest difference, as a share of the largest value, at which a file counts as the same decoder."""
 
@@ -141,7 +143,7 @@ _CLOSE = 1e-3
 def export_decoder(
     run: str | Path,
     out: str | Path,
-    formats: tuple[str, ...] = ("torch", "onnx"),
+    formats: tuple[str, ...] | None = None,
     *,
     size: tuple[int, int] | None = None,
     noise: float | None = None,
@@ -152,7 +154,7 @@ def export_decoder(
     Args:
         run: folder of `tmca train spectral`, or a weights file.
         out: folder of the files; made if it does not exist.
-        formats: ``"torch"`` (`torch.export`) and ``"onnx"``.
+        formats: ``"torch"`` (`torch.export`) and ``"onnx"``; those of `usual_formats` without.
         size: (H, W) of the scene; that of the run's camera without it.
         noise: read noise in snapshot units that the network is told; that of its training without it.
         overwrite: replace files that exist.
@@ -162,6 +164,7 @@ def export_decoder(
         DataError: an exported file that does not compute what the decoder does.
         OutputError: files that exist.
     """
+    formats = usual_formats() if formats is None else formats
     _check_formats(formats)
     folder = Path(out)
     for file in [FORMATS[one] for one in formats] + [DESCRIPTION]:
@@ -293,9 +296,14 @@ def _sensor(weights: Weights, noise: float | None) -> Sensor:
     return Sensor(**trained) if noise is None else Sensor(read_noise=noise)
 
 
+def usual_formats() -> tuple[str, ...]:
+    """All formats, without ONNX where its packages are not installed."""
+    return tuple(FORMATS) if all(map(find_spec, _ONNX)) else ("torch",)
+
+
 def _check_formats(formats: tuple[str, ...]) -> None:
     if (unknown := sorted({*formats} - {*FORMATS})) or not formats:
         raise SettingError("formats", ", ".join(unknown) or "none", f"some of {', '.join(FORMATS)}")
     if "onnx" in formats:
-        for name in ("onnx", "onnxscript", "onnxruntime"):
+        for name in _ONNX:
             package(name)

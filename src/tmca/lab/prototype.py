@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
+from tmca.attributes import unknown_name
 from tmca.errors import DataError, SettingError
 from tmca.lab.registering import MaskImage
 from tmca.yaml_files import read_yaml
@@ -138,9 +139,13 @@ def load_prototype(name: str | Path) -> SingleDisperser | PixelShutter:
         file = _FOLDER / f"{name}.yaml"
     elif not (file := Path(name)).is_file():
         raise SettingError("--prototype", repr(str(name)), f"{', '.join(prototype_names())}, or a YAML file")
+    described = read_yaml(file, "the description of a prototype")
     try:
-        return _ADAPTER.validate_python(read_yaml(file, "the description of a prototype"))
+        return _ADAPTER.validate_python(described)
     except ValidationError as error:
+        kind = PixelShutter if described.get("kind") == "pixel-shutter" else SingleDisperser
+        if unknown := unknown_name(error, kind):
+            raise DataError(f"{name}, {unknown[0].partition('.')[2]}", *unknown[1:]) from None
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"]) or "the description"
         found = f"{place}: {first['msg'].removeprefix('Value error, ')}"

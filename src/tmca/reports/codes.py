@@ -5,6 +5,7 @@ The same for every camera; `tmca.reports.cameras` says which scenes it is for.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FILES = ("design.json", "design.html", "aperture.tif", "shutter.tif", "codes.nc", "burst.nc")
+_OF_SLOTS = re.compile(r"codes_k\d+\.nc")
 COLUMNS = (
     ("codes", "codes", ""),
     ("slots", "K", "d"),
@@ -119,8 +121,9 @@ def search_codes(
 
     Args:
         sheet: sensor and modulator.
-        out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc``, and of
-            ``burst.nc`` with the codes of the burst.
+        out: folder of ``design.json``, ``design.html``, ``aperture.tif``, ``shutter.tif`` and ``codes.nc`` with the
+            recommended codes, ``codes_k1.nc`` with the static ones, ``codes_kK.nc`` with the best of several slots K,
+            whether they are recommended or not, and ``burst.nc`` with those of the burst.
         learn: reads the example scenes, once all else is seen to be possible.
         bare: arguments of ``designable`` as far as they are known before scenes are read.
         scenes: number of example scenes.
@@ -145,8 +148,9 @@ def search_codes(
         DataError, ShapeError: scenes that cannot be used, or that are too small.
         OutputError: files exist, or none can be written.
     """
-    check_new((out / name for name in FILES), overwrite)
     check_search(sheet, slots, kinds, period, seed, throughput, light)
+    of_slots = [f"codes_k{k}.nc" for k in (1, *sheet.allowed(slots))]
+    check_new((out / name for name in (*FILES, *of_slots)), overwrite)
     check_size(bare, (period, period), sheet.allowed(slots), scenes, sheet.buckets)
     check_folder(out)
     progress = progress or (lambda share, step: None)
@@ -184,7 +188,7 @@ def _described(
                  "contrast": light.contrast, "band_likeness": light.likeness, "coherence": light.coherence,
                  "levels": {f"{level:g}": share for level, share in light.levels.items()}},
         "static": _row(advice.static), "designs": [_row(candidate) for candidate in advice.finals],
-        "chosen": None if advice.chosen is None else _row(advice.chosen),
+        "chosen": None if advice.chosen is None else _row(advice.chosen), "files": _files(advice),
         "surveyed": [_row(candidate) for candidate in advice.surveyed],
     }  # fmt: skip
 
@@ -201,8 +205,8 @@ def _row(candidate: Candidate) -> dict[str, Any]:
 
 
 def _write_codes(advice: Advice, out: Path, record: Mapping[str, Any], overwrite: bool) -> None:
-    """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels; of the burst
-    the planes alone."""
+    """One period of the codes: stacks of 0 and 255 for devices and ImageJ, and both planes with labels; of those that
+    are not recommended the planes alone."""
     camera = advice.best.design.camera
     for name, tile in zip(("aperture", "shutter"), _tiles(camera), strict=True):
         with atomic_path(out / f"{name}.tif", overwrite=overwrite) as temporary:
@@ -211,17 +215,41 @@ def _write_codes(advice: Advice, out: Path, record: Mapping[str, Any], overwrite
             )
     notes = {"advice": record["advice"], "sensor": record["sensor"], CODES_DATE: now()}
     period = (int(record["period"]), int(record["period"]))
-    write_codes(out / "codes.nc", *_tiles(camera), period, notes, buckets=camera.buckets, overwrite=overwrite)
-    if advice.burst is None:
-        (out / "burst.nc").unlink(missing_ok=True)  # of an earlier design
-        return
-    rival = advice.burst.design.camera
-    write_codes(out / "burst.nc", *_tiles(rival), period, notes, buckets=rival.buckets, overwrite=overwrite)
+    written = _files(advice)
+    for name, each in _searched(advice).items():
+        shown = each.design.camera
+        write_codes(out / name, *_tiles(shown), period, notes, buckets=shown.buckets, overwrite=overwrite)
+    for file in list(out.iterdir()) if overwrite else ():  # of an earlier design
+        if file.name not in written and (file.name == "burst.nc" or _OF_SLOTS.fullmatch(file.name)):
+            file.unlink()
+
+
+def _searched(advice: Advice) -> dict[str, Candidate]:
+    """Names of files, and the codes that they hold: the recommended ones, the static ones, the best of several slots,
+    and the rival."""
+    found = {"codes.nc": advice.best, "codes_k1.nc": advice.static}
+    if advice.chosen is not None:
+        found.setdefault(f"codes_k{advice.chosen.design.slots}.nc", advice.chosen)
+    return found if advice.burst is None else {**found, "burst.nc": advice.burst}
+
+
+def _files(advice: Advice) -> dict[str, dict[str, Any]]:
+    """Names of files of codes → their kind and slots."""
+    return {name: {"codes": each.design.kind, "slots": each.design.slots} for name, each in _searched(advice).items()}
 
 
 def _tiles(camera: CodedCamera) -> tuple[Tensor, Tensor]:
     """One period of aperture and shutter."""
     return camera.codes.aperture.tile().detach(), camera.codes.shutter.tile().detach()
+
+
+def other_files(files: Mapping[str, Mapping[str, Any]]) -> str:
+    """What codes.nc holds, and where those are that are not recommended."""
+    own = files["codes.nc"]
+    text = f"codes.nc holds K = {own['slots']} ({own['codes']})"
+    others = [(name, of["slots"]) for name, of in files.items() if _OF_SLOTS.fullmatch(name) and of != own]
+    named = [f"the static code is {name}" if k == 1 else f"the best of K = {k} is {name}" for name, k in others]
+    return "; ".join([text, *named])
 
 
 def _light(record: Mapping[str, Any]) -> str:
@@ -275,6 +303,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
         )
     codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "
              f"{_training(record)}."]  # fmt: skip
+    codes += [other_files(record["files"])]
     codes += ["Those of the burst, to compare with: --codes burst.nc."] if advice.burst is not None else []
     caption = "Gain over the static code" + (", and its spread over the scenes" if several else "")
     each = [Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")])] if several else []

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 from pydantic import Field, ValidationError, field_validator, model_validator
 
-from tmca.errors import SettingError
+from tmca.errors import SettingError, did_you_mean
 from tmca.specs import SensorSpec, Spec, first_error
 from tmca.specs.base import BANDS, Pixels, Slots, Whole
 
@@ -262,18 +262,20 @@ def checked_settings(
         name = name if dotted else where
         if error.errors()[0]["type"] == "extra_forbidden":
             names = _names(dotted, model)
-            raise SettingError(name, "an unknown name", "one of the documented settings", names) from None
+            text = f"one of {', '.join(names)}" if names else "one of the documented settings"
+            remedy = did_you_mean(dotted.rpartition(".")[2], names)
+            raise SettingError(name, "an unknown name", text, remedy) from None
         found = wrong.found if place else "settings that do not go together"
         raise SettingError(name, found, wrong.expected) from None
 
 
-def _names(dotted: str, model: Any) -> str:
+def _names(dotted: str, model: Any) -> list[str]:
     """The names that exist beside an unknown one."""
     for part in dotted.split(".")[:-1]:
         model = getattr(model.model_fields.get(part), "annotation", None)
         if not hasattr(model, "model_fields"):
-            return ""
-    return f"there are {', '.join(model.model_fields)}"
+            return []
+    return list(model.model_fields)
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

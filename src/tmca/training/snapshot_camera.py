@@ -15,6 +15,9 @@ from tmca.errors import DataError
 if TYPE_CHECKING:
     import xarray as xr
 
+_NEAR = 1e-12
+"""Metres by which a camera's band may lie beyond a scene's last one."""
+
 
 def training_of(path: str | Path) -> tuple[dict[str, Any], Callable[[str], xr.DataArray]]:
     """Settings of a run by dotted name, and the reader of its scenes.
@@ -48,10 +51,12 @@ def scene_at(name: str, wavelengths: tuple[float, ...]) -> xr.DataArray:
         DataError: a scene that does not reach the camera's first or last band.
     """
     cube = load_scene(name, bands=None)
-    own = cube["wavelength"].values
-    if own.min() > min(wavelengths) + 1e-12 or own.max() < max(wavelengths) - 1e-12:
-        found = f"bands from {own.min() * 1e9:.0f} to {own.max() * 1e9:.0f} nm"
+    low, high = float(cube["wavelength"].min()), float(cube["wavelength"].max())
+    if low > min(wavelengths) + _NEAR or high < max(wavelengths) - _NEAR:
+        found = f"bands from {low * 1e9:.0f} to {high * 1e9:.0f} nm"
         wanted = f"all of {min(wavelengths) * 1e9:.0f} to {max(wavelengths) * 1e9:.0f} nm"
         raise DataError(name, found, wanted, "leave it out")
-    found_cube = cube.interp(wavelength=np.array(wavelengths)).astype("float32")
-    return found_cube.assign_attrs(cube.attrs)
+    asked = np.array(wavelengths)
+    # a band beyond the last by a rounding error would become NaN
+    at_bands = cube.interp(wavelength=asked.clip(low, high)).assign_coords(wavelength=asked)
+    return at_bands.astype("float32").assign_attrs(cube.attrs)

@@ -258,9 +258,11 @@ def test_a_capture_that_is_gone_on_with_is_the_one_without_a_stop(tmp_path):
         capture(export, bench_of(camera, stops_after=3), tmp_path / "parts", repeats=2)
     kept = sorted(file.name for file in (tmp_path / "parts").glob("*.tif"))
     assert kept == ["dark.tif", "slot_000.tif", "slot_001.tif"]
-    capture(export, bench, tmp_path / "parts", repeats=2, progress=lambda *done: told.append(done[:2]))
+    capture(export, bench, tmp_path / "parts", repeats=2, progress=lambda *done: told.append(done))
     assert bench.taken == 10 - 3
-    assert told == [(done, 10) for done in range(1, 11)]
+    assert [one[:2] for one in told] == [(done, 10) for done in range(1, 11)]
+    there = [name for *_, name in told if name.endswith(" (cached)")]
+    assert there == ["dark (cached)", "slot_000 (cached)", "slot_001 (cached)"]
     names = sorted(file.name for file in (tmp_path / "whole").glob("*.tif"))
     slots = [f"slot_00{k}{end}.tif" for k in range(3) for end in ("", "_r1")]
     assert names == ["dark.tif", *(f"dark_r{n}.tif" for n in (1, 2, 3)), *slots]

@@ -11,10 +11,12 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDep
 from tmca.codes import write_codes
 from tmca.decoders import find_weights
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
+from tmca.lab.acquisition.session import check_camera
 from tmca.lab.display.codes import peak, read_planes
 from tmca.lab.display.devices import PRESETS, device_named, grey_of, light_of
 from tmca.lab.display.export import export_codes
-from tmca.lab.display.manifest import check_export, read_export
+from tmca.lab.display.manifest import check_export, read_export, read_manifest
+from tmca.lab.exported_camera import camera_shown
 from tmca.optics import ZernikeHeights
 from tmca.optics.zernike import noll, zernike_modes
 
@@ -197,6 +199,18 @@ def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, where):
     assert [file.name for file in tmp_path.iterdir()] == ["taken.nc"]
 
 
+def test_a_snapshot_of_codes_that_repeat_is_exported_over_any_size(tmp_path):
+    camera, devices = spectral(period=4), [device_named("dli4120"), device_named("emulated-shutter")]
+    large = read_planes(snapshot(tmp_path, camera), (30, 41))
+    found = read_export(export_codes(large, devices, tmp_path / "large", code_size=(30, 41)).folder).planes
+    for name, plane in zip(("aperture", "shutter"), camera.codes(), strict=True):
+        rows, columns = (np.arange(side) % 4 for side in found[name].shape[1:])
+        assert torch.equal(found[name], plane[:, rows][:, :, columns])
+    taken = camera_shown(Snapshot.load(tmp_path / "taken.nc"), read_manifest(tmp_path / "large"))
+    assert taken.camera.size == (30, 41)
+    check_camera(tmp_path / "large", taken.camera)
+
+
 def test_masks_beyond_the_stroke_are_refused(tmp_path):
     with pytest.raises(SettingError, match=r"0\.01 µm at most"):
         export(tmp_path, mirror(), device_named("dmp40", stroke_um=0.01))
@@ -285,6 +299,8 @@ def test_every_preset_is_a_device(name):
     ("text", "words"),
     [
         ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
+        ("kind: dmd\npattern_rate: 1000\n",
+         "mine.yaml: pattern_rate: found an unknown name, expected one of name, .*; did you mean pattern_rate_hz?"),
         ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "found a list"), ("kind: [\n", "YAML"),
     ],
 )  # fmt: skip

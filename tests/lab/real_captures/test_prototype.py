@@ -34,7 +34,7 @@ def test_a_response_by_bandwidth_is_the_width_of_the_bands(tmp_path):
         ({"white": 0.05}, "white above black"),
         ({"saturation": 0.1}, "saturation above black"),
         ({"pixels_per_band": None}, "pixels_per_band"),
-        ({"colour": "blue"}, "colour: Extra inputs"),
+        ({"colour": "blue"}, "colour: found an unknown name, expected one of .*wavelengths_nm"),
         ({"kind": "lens"}, "kind"),
         ({"turned": 45}, "turned"),
         ({"registration": {"scale": [2.0, 1.0]}}, "registration.scale"),

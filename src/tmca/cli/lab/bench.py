@@ -25,7 +25,8 @@ class BenchOptions:
     device: str = "simulated"
     "simulated, the name of a driver (entry points tmca.devices), or its FILE.py:Class."
     like: Path | None = None
-    "Snapshot file whose camera this is; that of the export where it was made from a snapshot."
+    """Snapshot file whose camera this is; that of the export where it was made from a snapshot. Where codes repeat, its
+    size may be another."""
     settings: Annotated[list[str] | None, Parameter(name="--set")] = None
     "NAME=VALUE settings of a driver, texts unless it says of which type they are."
     timeout: float | None = None
@@ -94,17 +95,17 @@ class BenchOptions:
         return about
 
     def known(self, export: Path) -> Any:
-        """The snapshot whose camera is known.
+        """The snapshot whose camera is known, at the size of the export.
 
         Raises:
             SettingError: none is named, and the export was made from codes alone, or from a file that is gone.
         """
         from tmca.cameras import Snapshot
-        from tmca.lab.bench import exported_snapshot
+        from tmca.lab.exported_camera import camera_shown, exported_snapshot
 
-        if self.like is not None:
-            return Snapshot.load(self.like)
-        return exported_snapshot(named_export(export), "--like")
+        manifest = named_export(export)
+        taken = exported_snapshot(manifest, "--like") if self.like is None else Snapshot.load(self.like)
+        return camera_shown(taken, manifest)
 
 
 def _driver_settings(texts: list[str]) -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from tmca.cli.lab.bench import BenchOptions
 from tmca.cli.options.numbers import Whole, numbers
@@ -63,8 +64,6 @@ def capture(
     )  # fmt: skip
     steps, left_out = steps_before(taken.camera, manifest, bench.simulated) if step == "all" else ([step], [])
     shots = check_lights(steps, taken.camera, manifest, asked, driver)
-    for line in left_out:
-        print(line)
     if (wave := shots["registration"][0].light.wavelength if "registration" in shots else None) is not None:
         print(f"registration: light of {metres_to_nm(wave):g} nm")
     for one in steps:
@@ -73,7 +72,17 @@ def capture(
                 one, export, driver, out, taken.camera, asked, bench=bench.said(),
                 timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
             )  # fmt: skip
-        print(f"{out / one}: measure it with tmca calibrate all {out} --out NAME")
+        print(f"{out / one}: captured")
+    for line in left_out:
+        print(line)
+    print(f"measure them with tmca calibrate all {out}{_curve(steps, taken.camera, asked)} --out NAME")
+
+
+def _curve(steps: list[str], camera: Any, asked: Any) -> str:
+    """Where light of every band was captured no curve has to say what lies between them: bands may lie on none."""
+    captured = {round(wave * 1e12) for wave in asked.wavelengths}
+    bands = {round(wave * 1e12) for wave in getattr(camera, "wavelengths", ())}
+    return " --curve measured" if "dispersion" in steps and bands <= captured else ""
 
 
 def _each(text: str | None, option: str, low: float, high: float, unit: str) -> tuple[float, ...]:

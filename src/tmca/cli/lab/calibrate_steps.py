@@ -85,8 +85,10 @@ _USUAL = CalibrationOptions()
 
 def residual_lines(residuals: Mapping[str, Any]) -> list[str]:
     """A line for each."""
+    through = dict.fromkeys(("x_residual_pixels", "y_residual_pixels"), "none: lines through all points")
     shown = {
-        name: "not known" if value is None or value != value else f"{value:.5g}" for name, value in residuals.items()
+        name: through.get(name, "not known") if value is None or value != value else f"{value:.5g}"
+        for name, value in residuals.items()
     }
     return [f"  {name.replace('_', ' '):<32} {value}" for name, value in shown.items()]
 

@@ -22,7 +22,7 @@ def export(
     /,
     *,
     out: Path,
-    formats: str = "torch,onnx",
+    formats: str | None = None,
     frame: str | None = None,
     noise: float | None = None,
     overwrite: Overwrite = False,
@@ -33,15 +33,18 @@ def export(
     Args:
         run: folder of `tmca train spectral` or a weights file; its network starts from adjoint, dagger or tikhonov.
         out: folder to write into.
-        formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`.
+        formats: torch, onnx, or both separated by a comma; onnx needs `pip install 'tmca[onnx]'`. Both without, torch
+            alone where onnx is not installed.
         frame: HEIGHTxWIDTH of the scene; that of the run's camera without it.
         noise: read noise that the network is told, snapshot units; that of its training without it.
     """
     from tmca.lab.deploy import export_decoder
 
-    names = tuple(name.strip() for name in formats.split(",") if name.strip())
+    names = None if formats is None else tuple(name.strip() for name in formats.split(",") if name.strip())
     files = export_decoder(run, out, names, size=size(frame, "--frame"), noise=noise, overwrite=overwrite)
     _say(out, files, json)
+    if names is None and len(files) == 1 and not json:
+        print("no decoder.onnx: pip install 'tmca[onnx]' and run the command again with --overwrite")
 
 
 @app.command

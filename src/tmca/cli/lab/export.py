@@ -45,7 +45,8 @@ def export(
             (docs/devices.md); one for each plane of the codes that is shown.
         out: folder.
         exposure: of all slots together, seconds; that of `tmca design --exposure` without, else 0.1.
-        code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows.
+        code_size: HEIGHTxWIDTH of the aperture's code; its own, or as many pixels of a tile as the device shows. A
+            snapshot whose codes have a period is exported over a larger one too, its shutter with it.
         sensor_size: HEIGHTxWIDTH of the shutter, likewise.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees: 45 for mirrors that tilt about their diagonal.
@@ -64,14 +65,15 @@ def export(
     changes |= {"lut": None if lut is None else str(lut.absolute())}
     moved = size(offset, "--offset") or (0, 0)
     devices = [aperture_changed(name, changes) for name in device]
-    affine = None
+    affine, falls = None, ""
     if calibration is not None:
         _refuse_beside_a_calibration(macro_pixel=macro_pixel, mounting_angle=mounting_angle, offset=offset)
-        affine = _registered(source, calibration, devices)
-    planes = read_planes(source)
+        affine, falls = _registered(source, calibration, devices)
+    of_code = size(code_size, "--code-size")
+    planes = read_planes(source, of_code)
     manifest = export_codes(
         planes, devices, out, exposure=exposure, affine=affine,
-        code_size=size(code_size, "--code-size"), sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
+        code_size=of_code, sensor_size=size(sensor_size, "--sensor-size"), offset=moved,
         overwrite=overwrite,
     ).manifest  # fmt: skip
     if figures:
@@ -79,7 +81,7 @@ def export(
         from tmca.plots.style import save_figure
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
-    _say(manifest, out, json, "" if exposure else _exposure_of(planes.exposure))
+    _say(manifest, out, json, "" if exposure else _exposure_of(planes.exposure), falls)
 
 
 def _exposure_of(designed: float | None) -> str:
@@ -94,15 +96,18 @@ def _refuse_beside_a_calibration(**options: Any) -> None:
             raise SettingError(f"--{name.replace('_', '-')}", f"{value} beside --calibration", expected)
 
 
-def _registered(source: Path, calibration: Path, devices: list[Any]) -> Any:
-    """Where codes lie on the aperture's device by a registration."""
+def _registered(source: Path, calibration: Path, devices: list[Any]) -> tuple[Any, str]:
+    """Where codes lie on the aperture's device by a registration, and how large its pixels are on the sensor."""
     from tmca.lab.calibration.apply import registered_affine
     from tmca.lab.calibration.file import load_calibration
 
     showing = [device for device in devices if device.plane == "aperture"]
     if not showing:
         raise SettingError("--calibration", "no device of the aperture", "one whose pixels were registered")
-    return registered_affine(source, load_calibration(calibration), showing[0])
+    measured = load_calibration(calibration)
+    affine = registered_affine(source, measured, showing[0])
+    side = measured.part("registration").scale
+    return affine, f"1 pixel of {showing[0].name} falls on {side:.3g}×{side:.3g} sensor pixels"
 
 
 @app.command
@@ -118,13 +123,17 @@ def check(folder: Path, /, *, json: Json = False) -> None:
     _say(check_export(folder), folder, json)
 
 
-def _say(manifest: dict[str, Any], folder: Path, as_json: bool, why: str = "") -> None:
+def _say(manifest: dict[str, Any], folder: Path, as_json: bool, why: str = "", falls: str = "") -> None:
     each = manifest["exposure_s"] / manifest["slots"]
     head = f"{folder}: K = {manifest['slots']} slots of {each * 1e3:g} ms{why}, from {manifest['source']}"
-    say(manifest, as_json, head, *(f"  {plane['plane']}: {_words(plane)}" for plane in manifest["planes"]))
+    lines = [f"  {plane['plane']}: {_words(plane)}" for plane in manifest["planes"]]
+    say(manifest, as_json, head, *lines, *([f"  {falls}"] if falls else []))
 
 
 def _words(plane: dict[str, Any]) -> str:
+    from tmca.lab.display.export import scale_of
+    from tmca.lab.display.placement import Placement
+
     device = plane["device"]
     if "residual_rms_nm" in plane:
         worst = max(plane["residual_rms_nm"])
@@ -134,7 +143,8 @@ def _words(plane: dict[str, Any]) -> str:
     place = plane["placement"]
     rows, columns = place["code"]
     on = f"{place['device'][0]}×{place['device'][1]} pixels of {device['name']}"
-    return f"{len(plane['frames'])} frames of {rows}×{columns} code pixels on {on}"
+    filled = f", {100 * Placement(**place).share:.3g}% of them" if device["size"] else ""
+    return f"{len(plane['frames'])} frames of {rows}×{columns} code pixels on {on}{filled}; {scale_of(plane)}"
 
 
 def named_export(folder: Path) -> dict[str, Any]:

@@ -95,7 +95,8 @@ def resumed(record: dict[str, Any], how: dict[str, Any], folder: Path) -> dict[s
     for name in sorted(before.keys() | how.keys()):
         if before.get(name) != how.get(name):
             found = f"frames of {name} {before.get(name)}"
-            raise OutputError(folder, found, f"{name} {how.get(name)}", "choose another folder, or delete this one")
+            remedy = "frames of both are not joined: choose another folder, or delete this one"
+            raise OutputError(folder, found, f"{name} {how.get(name)}", remedy)
     return {**record, "taken_with": how}
 
 

@@ -173,7 +173,7 @@ def answering(device: object) -> Iterator[None]:
         raise
     except (Exception, SystemExit) as error:
         name = device if isinstance(device, str) else type(device).__name__
-        remedy = "see to the device, and run the same command again"
+        remedy = "mend the driver or the device, then run the same command again"
         raise DeviceError(f"device {name}", _failure(device, error), "an answer", remedy) from error
 
 

@@ -72,7 +72,7 @@ def capture(
         bench: what frames depend on beside the export (driver, its settings, scene), as JSON values; kept with them.
         timeout: seconds that a driver has for each of its answers, which then run in a thread of their own; 0 for as
             long as it takes; 30 s or three exposures, whichever is longer, without. A simulated bench has no limit.
-        progress: called with (frames done, all, name).
+        progress: called with (frames done, all, name), the name with ``(cached)`` of one that was there.
         finish: called when all frames are there, while other processes are still kept out of the folder.
 
     Raises:
@@ -101,7 +101,8 @@ def capture(
             wanted += [CaptureFrame(name, None, DARK) for name in files if name not in names]
         size = None if camera is None else tuple(camera.snapshot_shape)
         for done, frame in enumerate(wanted):
-            if frame.name not in record["frames"]:
+            cached = frame.name in record["frames"]
+            if not cached:
                 values = frame_of(calls, frame.slot, frame.of == WHOLE, frame.name)
                 size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
                 check_frame(values, folder / frame.name, size, saturation)
@@ -109,7 +110,7 @@ def capture(
                 source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
                 keep(values, frame, record, folder, source)
             if progress:
-                progress(done + 1, len(wanted), frame.name)
+                progress(done + 1, len(wanted), f"{frame.name} (cached)" if cached else frame.name)
         if finish:
             finish()
     return folder

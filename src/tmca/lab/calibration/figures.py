@@ -87,7 +87,7 @@ def dispersion(axes: Any, part: MeasuredDispersion) -> None:
     title = f"{part.curve} curve {f'leaves {part.residual[1]:.3f} px rms' if fitted else 'through all of them'}"
     plain_axes(axes[0], title, "wavelength (nm)", "displacement (sensor pixels)")
     axes[1].plot(nm, part.response, "o-", color=BLUE)
-    axes[1].set_ylim(0)
+    axes[1].set_ylim(0, 1.1 * float(part.response.max()))
     plain_axes(axes[1], "response κ (mean 1)", "wavelength (nm)", "light over the source's power")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -117,7 +118,7 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
     frames = read_captures(path, saturation=given.saturation, may_saturate=name == "linearity", sensor=sensor)
     for part, fitted in step.fit(Captured(frames, place, calibration, given)).items():
         residuals = dict(fitted.residuals)
-        if step.residual in residuals:
+        if not math.isnan(residuals.get(step.residual, math.nan)):
             left = step.residual.replace("_", " ")
             residuals["quality"] = quality_of(path, left, residuals[step.residual], step.usual)
         sources = [path, *(source for source in fitted.sources if source is not None)]

@@ -100,7 +100,8 @@ class Planes:
             whole = CodePlane(patterns, len(patterns), size, period=pixels, name=name)()
             return whole.reshape(*plane.shape[:-2], *size)
         if pixels[0] < size[0] or pixels[1] < size[1]:
-            raise ShapeError(self.source, f"{name} of {pixels[0]}×{pixels[1]} pixels", f"{size[0]}×{size[1]} or more")
+            found, expected = f"{name} of {pixels[0]}×{pixels[1]} pixels", f"{size[0]}×{size[1]} or more"
+            raise ShapeError(self.source, found, expected, "codes that repeat fill any size (tmca simulate --period 8)")
         top, left = (pixels[0] - size[0]) // 2, (pixels[1] - size[1]) // 2
         return plane[..., top : top + size[0], left : left + size[1]]
 
@@ -115,9 +116,13 @@ def by_slot(shutter: Tensor, slots: int, buckets: int) -> Tensor:
     return shutters[0] if buckets == 2 and bool((shutters.sum(0) == 1).all()) else shutters
 
 
-def read_planes(source: str | Path) -> Planes:
+def read_planes(source: str | Path, size: Size | None = None) -> Planes:
     """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot;
     ``"default"`` are those of eight slots that come with the package.
+
+    Args:
+        source: of the codes.
+        size: (H, W) of the camera's code, over which the codes of a snapshot are repeated where they have a period.
 
     Raises:
         DataError: none of these.
@@ -129,7 +134,7 @@ def read_planes(source: str | Path) -> Planes:
         return _of_weights(path)
     if path.suffix not in (".nc", ".h5", ".zarr"):
         raise DataError(path, f"the suffix {path.suffix!r}", "codes.nc, a run, weights, default, or a snapshot file")
-    return _of_file(path)
+    return _of_file(path, size)
 
 
 def _of_weights(path: Path) -> Planes:
@@ -143,12 +148,14 @@ def _of_weights(path: Path) -> Planes:
     return Planes(str(path), weights.kind, planes, tiled, None, about, camera.buckets)
 
 
-def _of_file(path: Path) -> Planes:
+def _of_file(path: Path, size: Size | None = None) -> Planes:
     from tmca.data import read_dataset
 
     stored = read_dataset(path)
     if "snapshot" in stored:
-        return planes_of(Snapshot.from_dataset(stored, path).camera, str(path))
+        camera = Snapshot.from_dataset(stored, path).camera
+        larger = size is not None and repeats(camera) and any(a > b for a, b in zip(size, camera.size, strict=True))
+        return planes_of(camera.replace(size=size) if larger else camera, str(path))
     if "heights" in stored:
         described = read_phase_codes(path)
         planes = {"heights": described["mask"]().detach(), "shutter": described["shutter"]}
@@ -165,6 +172,11 @@ def _of_file(path: Path) -> Planes:
             exposure=None if sensor is None else sensor.exposure,
         )  # fmt: skip
     raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
+
+
+def repeats(camera: Any) -> bool:
+    """Whether the codes of a camera are one tile again and again, so that they are known for any size of its frame."""
+    return getattr(getattr(getattr(camera, "codes", None), "aperture", None), "period", None) is not None
 
 
 @torch.no_grad()

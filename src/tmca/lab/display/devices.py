@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from tmca.attributes import expected_of, unknown_name
 from tmca.errors import DataError, SettingError
 from tmca.text_files import read_text
 from tmca.yaml_files import read_yaml
@@ -129,9 +130,11 @@ def device_named(name: str, **changes: Any) -> DeviceDescription:
     try:
         device = DeviceDescription.model_validate(described)
     except ValidationError as error:
+        if unknown := unknown_name(error, DeviceDescription):
+            raise SettingError(f"{file}: {unknown[0]}", *unknown[1:]) from None
         first = error.errors()[0]
-        where = _where(first["loc"], file, changes)
-        raise SettingError(where, str(first.get("input"))[:80], first["msg"]) from None
+        where, found = _where(first["loc"], file, changes), str(first.get("input"))[:80]
+        raise SettingError(where, "nothing" if first["type"] == "missing" else found, expected_of(first)) from None
     if device.lut is not None and device.kind != "lcos":
         raise SettingError(
             _where(("lut",), file, changes), f"one of a {device.kind}", "none: an lcos alone has a response"

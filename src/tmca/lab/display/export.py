@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 import tmca
+from tmca.cameras import CodesWarning
 from tmca.data import atomic_path, checksum_of, make_folder, write_json
 from tmca.data.atomic import sweep
 from tmca.errors import OutputError, SettingError, check_range
@@ -61,6 +63,8 @@ _TRIGGERS = {
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
 _SLOTS = 4
+_LITTLE = 0.1
+"""Share of a device below which codes are probably one tile of many."""
 EXPOSURE = 0.1
 """Seconds of all slots together where neither the call nor the codes say it."""
 
@@ -123,6 +127,9 @@ def export_codes(
     Raises:
         SettingError: codes that a device cannot show, or two devices for one plane.
         OutputError: something is in the folder's place.
+
+    Warns:
+        CodesWarning: codes of a file alone, without a period, that cover little of a device.
     """
     for name, asked in (("--code-size", code_size), ("--sensor-size", sensor_size)):
         if asked is not None and min(asked) < 1:
@@ -144,7 +151,18 @@ def export_codes(
         if affine is not None and device.plane == "aperture":
             placement = Placement.by(affine, placement.device, size)
         shown.append((device, plane, placement))
+        _warn_of_small_codes(codes, device, placement)
     return _written(codes, shown, Path(out), codes.exposure or EXPOSURE if exposure is None else exposure)
+
+
+def _warn_of_small_codes(codes: Planes, device: DeviceDescription, placement: Placement) -> None:
+    """Of a snapshot or weights the camera says the size; a file of codes alone may hold a tile that does not say so."""
+    if placement.share >= _LITTLE or codes.settings is not None or device.plane in codes.tiled:
+        return
+    rows, columns = placement.code
+    fill = f"{rows}×{columns} code pixels fill {100 * placement.share:.3g}% of {device.name}"
+    tile = f"a tile that repeats needs the attribute period: [{rows}, {columns}] (docs/devices.md)"
+    warn(f"{codes.source}: {fill}; {tile}", CodesWarning, stacklevel=3)
 
 
 def export_like(
@@ -304,9 +322,17 @@ def export_figure(manifest: dict[str, Any], folder: Path) -> Figure:
     from tmca.plots.lab import shown_figure
 
     slots = range(min(_SLOTS, manifest["slots"]))
-    names = [f"{plane['plane']}\n{plane['device']['name']}" for plane in manifest["planes"]]
+    names = ["\n".join((plane["plane"], plane["device"]["name"], scale_of(plane))) for plane in manifest["planes"]]
     pictures = [[_picture(plane, slot, folder) for slot in slots] for plane in manifest["planes"]]
     return shown_figure(dict(zip(names, pictures, strict=True)))
+
+
+def scale_of(plane: dict[str, Any]) -> str:
+    """How many pixels of its device show a code pixel; empty for a mirror's shapes."""
+    if "placement" not in plane:
+        return ""
+    side, kind = plane["placement"]["macro_pixel"], plane["device"]["kind"]
+    return f"1 code pixel = {side:.3g}×{side:.3g} {'mirrors' if kind == 'dmd' else 'pixels'}"
 
 
 def _picture(plane: dict[str, Any], slot: int, folder: Path) -> tuple[str, np.ndarray, Sequence[int] | None]:

@@ -57,6 +57,13 @@ class Placement:
         scale = float(np.sqrt(abs(np.linalg.det(np.array(affine)[:, :2]))))
         return cls(code, device, scale, affine=affine)
 
+    @property
+    def share(self) -> float:
+        """Of the device that the code covers."""
+        dense = 2 if self.lattice == "diamond" and self.affine is None else 1
+        (height, width), (rows, columns) = self.code, self.device
+        return dense * height * width * self.macro_pixel**2 / (rows * columns)
+
     def index(self) -> NDArray[np.int64]:
         """(R, C) index ``W·row + column`` of the code pixel that each device pixel shows; -1 for none.
 
