@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from pydantic import Field, Json
+from pydantic import BaseModel, ConfigDict, Field, Json, ValidationError
 
-from tmca.attributes import Attributes, FiniteJson, attributes_of, json_of, read_json
+from tmca.attributes import Attributes, FiniteJson, attributes_of, json_of, read_json, unknown_name
 from tmca.errors import DataError
 
 
@@ -61,3 +61,29 @@ def test_json_files_are_read_with_or_without_a_byte_order_mark(tmp_path):
     assert read_json(tmp_path / "a.json") == {"a": [1, None]}
     with pytest.raises(DataError, match="no such file"):
         read_json(tmp_path / "b.json")
+
+
+class _Inner(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    file: str = ""
+    kind: str = ""
+
+
+class _Outer(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+    codes: dict[str, _Inner] = {}
+    steps: list[_Inner] = []
+    one: _Inner | None = None
+    page: str = ""
+    sizes: dict[str, int] = {}
+
+
+@pytest.mark.parametrize(
+    ("values", "place"),
+    [({"codes": {"a": {"fil": ""}}}, "codes.a.fil"), ({"steps": [{}, {"fil": ""}]}, "steps.1.fil"),
+     ({"one": {"fil": ""}}, "one.fil")],
+)  # fmt: skip
+def test_unknown_names_get_the_names_of_their_place(values, place):
+    with pytest.raises(ValidationError) as raised:
+        _Outer.model_validate(values)
+    assert unknown_name(raised.value, _Outer) == (place, "an unknown name", "one of file, kind", "did you mean file?")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, JsonValue, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails, to_json
@@ -188,11 +188,20 @@ def unknown_name(error: ValidationError, kind: type[BaseModel]) -> tuple[str, st
     if not places:
         return None
     *outer, name = map(str, places[0])
+    inner: type[BaseModel] | None = kind
     for part in outer:
-        inner = getattr(kind.model_fields.get(part), "annotation", None)
-        kind = inner if isinstance(inner, type) and issubclass(inner, BaseModel) else kind
-    known = list(kind.model_fields)
-    return ".".join((*outer, name)), "an unknown name", f"one of {', '.join(known)}", did_you_mean(name, known)
+        if inner is not None and part in inner.model_fields:  # else a key or the number of an entry
+            inner = _model_in(inner.model_fields[part].annotation)
+    known = [] if inner is None else list(inner.model_fields)
+    expected = f"one of {', '.join(known)}" if known else "one that there is"
+    return ".".join((*outer, name)), "an unknown name", expected, did_you_mean(name, known)
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model that a field holds, alone or in a list, a dictionary or beside None; None without any."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((model for one in get_args(annotation) if (model := _model_in(one))), None)
 
 
 def _syntax(error: ErrorDetails) -> str:

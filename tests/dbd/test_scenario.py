@@ -1,6 +1,7 @@
 """The physical layer: what is received in the time domain is the model, and metres and metres a second come back."""
 
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -180,3 +181,15 @@ def test_names_of_targets_stand_at_their_estimates(tmp_path):
     frame = solve(back, certify=False).to_pandas().set_index("name")
     assert list(frame.index) == ["truck", "target 2", "path 1", "path 2"]
     assert frame.loc["truck", "range_m"] == pytest.approx(60, abs=0.5)
+
+
+@pytest.mark.parametrize("name", ["one\ntwo", "x" * 61, "a\tb"])
+def test_names_that_no_table_has_room_for_are_refused(name):
+    with pytest.raises(SettingError, match=r"name: found .*one line of at most 60 letters"):
+        Target(60.0, 10.0, name=name)
+
+
+def test_a_name_is_drawn_as_it_is_written():
+    scene = replace(SCENE, targets=[Target(60.0, 10.0, name="a $x_{ b$")])
+    problem = scene.draw().receive()
+    solve(problem).plot().savefig(BytesIO())

@@ -177,3 +177,13 @@ def test_pixels_are_asked_for_of_scenes_with_depth_too_and_refused_of_views():
     views = xr.Dataset({"estimate": (("view_v", "view_u", "y", "x"), np.ones((3, 3, 8, 9)))})
     with pytest.raises(SettingError, match="this estimate has no spectra"):
         estimate_figure(views, at=[(1, 2)])
+
+
+def test_a_deviation_of_every_slot_is_drawn_around_their_mean():
+    axes = ("slot", "wavelength", "y", "x")
+    values = np.random.default_rng(0).random((3, len(WAVELENGTHS), 14, 15))
+    known = {"estimate": (axes, values), "deviation": (axes, np.full_like(values, 0.1))}
+    figure = estimate_figure(xr.Dataset(known, {"wavelength": WAVELENGTHS}, {"decoder": "lmmse"}), at=[(3, 13)])
+    panel = next(axis for axis in figure.axes if "wavelength" in axis.get_xlabel())
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), values.mean(0)[:, 3, 13])
+    assert len(panel.collections) == 1

@@ -235,19 +235,18 @@ def _measured(application: Application, parts: Mapping[str, np.ndarray], scene: 
     """Figures of merit of the camera, and of a predicted deviation the share of values within it."""
     metrics, light = application.metrics(parts, scene, camera), np.asarray(_light(scene).values)
     values, deviation = parts["values"], parts.get("deviation")
-    if deviation is None or values.size != light.size:
+    if deviation is None or not values.size == light.size == deviation.size:
         return metrics
     return {**metrics, "coverage_1s": coverage_1s(values.ravel(), light.ravel(), deviation.ravel())}
 
 
 def _check_deviation(stored: xr.Dataset, where: str) -> None:
-    """Raises DataError for a deviation that is not one of every value."""
-    if "deviation" not in stored:
+    """Raises DataError for a deviation of every value that can be none."""
+    if "deviation" not in stored or stored["deviation"].dims != _estimated(stored).dims:
         return
-    deviation, values = stored["deviation"], _estimated(stored)
-    if deviation.dims != values.dims or deviation.dtype.kind not in "fiu":
-        found = f"a deviation of {deviation.dtype} by {', '.join(map(str, deviation.dims))}"
-        raise DataError(where, found, f"numbers by {', '.join(map(str, values.dims))}, as the estimate", REMEDY)
+    deviation = stored["deviation"]
+    if deviation.dtype.kind not in "fiu":
+        raise DataError(where, f"a deviation of {deviation.dtype}", "numbers", REMEDY)
     if not (np.isfinite(deviation.values) & (deviation.values >= 0)).all():
         raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
 

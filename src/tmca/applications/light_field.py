@@ -167,12 +167,12 @@ class LightFieldApplication(Application):
                 raise light_fields.no_light_field(contents)
             divisor, colour = 1.0 if stored.dtype.kind == "f" else None, light_fields.has_colour(stored)
             views = light_fields.load_views(contents, stored, colour=colour, divide_by=divisor)
-            found = views.to_dataset(name="estimate")
+            dataset = views.to_dataset(name="estimate")
             if has_deviation(contents):
                 spread = contents.arrays["deviation"]
-                found["deviation"] = light_fields.load_views(contents, spread, colour=colour, divide_by=1.0)
+                dataset["deviation"] = light_fields.load_views(contents, spread, colour=colour, divide_by=1.0)
             noted = {READING: contents.attrs[READING]} if READING in contents.attrs else {}
-        return found.assign_attrs(noted)
+        return dataset.assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
         camera, sizes = super().camera_of(stored, where), stored["estimate"].sizes

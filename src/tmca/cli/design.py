@@ -23,6 +23,7 @@ from tmca.specs import (
     MaskCameraSpec,
     MaskSearchSpec,
     PhaseBenchSpec,
+    SensorFileSpec,
     SheetSpec,
     SpectralSpec,
     read_sensor,
@@ -172,9 +173,9 @@ def _sheet(file: Path | None, options: SheetSpec) -> Any:
     """The sensor's sheet of a YAML file, its values replaced by options."""
     from tmca.design import SensorSheet
 
-    described = SheetSpec() if file is None else read_sensor(file, SheetSpec)
+    described = {} if file is None else read_sensor(file, SensorFileSpec).only(*SheetSpec.model_fields)
     try:
-        return SensorSheet(**{**described.given(), **options.given()})
+        return SensorSheet(**{**described, **options.given()})
     except SettingError as error:
         where = error.where if file is None else f"{error.where} (of {file} and options)"
         raise SettingError(where, error.found, error.expected, error.remedy) from None

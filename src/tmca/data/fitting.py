@@ -302,6 +302,10 @@ def fitted_depth(
     return depth.copy(data=fitted.astype(np.float32)).assign_attrs(about), about
 
 
+_FARTHEST = 1e-9
+"""Inverse depth, 1/m, below which a point counts as infinitely far."""
+
+
 def mapping_of(attrs: Mapping[Any, Any]) -> tuple[float, float] | None:
     """Scale and shift of inverse depth that attributes tell, see `FITTED`; None where depth was not mapped."""
     given = [attrs.get(name) for name in FITTED]
@@ -316,7 +320,8 @@ def unmapped_depth(depth: NDArray[Any], attrs: Mapping[Any, Any]) -> NDArray[np.
         return metres
     with np.errstate(divide="ignore"):
         inverse = (1 / metres - mapping[1]) / mapping[0]
-    return np.where(inverse > 0, 1 / np.where(inverse > 0, inverse, 1.0), np.where(np.isfinite(metres), np.inf, np.nan))
+    seen = inverse > _FARTHEST
+    return np.where(seen, 1 / np.where(seen, inverse, 1.0), np.where(np.isfinite(metres), np.inf, np.nan))
 
 
 def said_mapped(attrs: Mapping[Any, Any], near: float, far: float) -> str:
@@ -324,7 +329,7 @@ def said_mapped(attrs: Mapping[Any, Any], near: float, far: float) -> str:
     where none was mapped."""
     if mapping_of(attrs) is None:
         return ""
-    first, last = unmapped_depth(np.array([near, far * (1 - 1e-9)]), attrs)
+    first, last = unmapped_depth(np.array([near, far]), attrs)
     return f"depths of {first:.3g} to {last:.3g} m mapped onto {near:g} to {far:g} m"
 
 

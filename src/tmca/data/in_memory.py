@@ -129,7 +129,8 @@ def bands_first(values: Any, where: str = "scene") -> Any:
     if len(shape) != 3 or spectral_axis(Stored(where, shape, np.dtype("f4"), lambda index: values, usual_axis=0)) != 2:
         return values
     said = f"{where}: an array of {'×'.join(map(str, shape))}, taken as (rows, columns, bands)"
-    warn(f"{said}; np.moveaxis(array, -1, 0) puts its bands first", SceneWarning, stacklevel=1)
+    other = 'if its first axis is bands, xr.DataArray(array, dims=("wavelength", "y", "x")) says so'
+    warn(f"{said}; {other}", SceneWarning, stacklevel=1)
     return values.movedim(2, 0) if hasattr(values, "movedim") else np.moveaxis(values, 2, 0)
 
 

@@ -20,7 +20,7 @@ from tmca.data.files import SUFFIXES
 from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
-from tmca.dbd.model import AXES, Complex, Problem, Source, Truth, Units
+from tmca.dbd.model import AXES, LONGEST_NAME, Complex, Problem, Source, Truth, Units
 from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recordings import DATA, META
 from tmca.dbd.simulation import carriers
@@ -37,7 +37,6 @@ _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
 _OF_SOURCES = ("basis", "message", "weight")
 _CHANNEL = "a known channel with an unknown message has no solver here"
-_LONGEST_NAME = 60
 _RECORDINGS = (".mat", ".npy", META, DATA)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
@@ -218,7 +217,7 @@ def _truth(path: Path, dataset: Any, index: int) -> Truth:
     points = _real(path, dataset, f"true_points_{index}")
     gains, waveform = (_joined(path, dataset, f"true_{part}_{index}") for part in ("amplitudes", "waveform"))
     given = str(dataset[f"true_points_{index}"].attrs.get("names", ""))
-    return Truth(points, gains, waveform, tuple(one[:_LONGEST_NAME] for one in given.split("\n")) if given else ())
+    return Truth(points, gains, waveform, tuple(one[:LONGEST_NAME] for one in given.split("\n")) if given else ())
 
 
 def _joined(path: Path, dataset: Any, name: str) -> Complex:

@@ -28,6 +28,8 @@ Mask = NDArray[np.bool_]
 
 AXES = ("delay", "doppler", "angle")
 LIGHT_M_S = 299_792_458.0
+LONGEST_NAME = 60
+"""Letters of the name of a target or a path."""
 _LISTED = 10
 """Pulses that a message names."""
 

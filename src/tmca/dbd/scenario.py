@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from tmca.dbd.model import LIGHT_M_S, Complex, Problem, Real, Source, Truth, Units
+from tmca.dbd.model import LIGHT_M_S, LONGEST_NAME, Complex, Problem, Real, Source, Truth, Units
 from tmca.dbd.simulation import (
     MESSAGES,
     MOST_FREQUENCIES,
@@ -43,7 +43,7 @@ class Way(ABC):
     """What delays, shifts and scales a signal on its way to the receiver.
 
     Raises:
-        SettingError: a number that is not finite, or absurdly large.
+        SettingError: a number that is not finite, or absurdly large, or a name that no table has room for.
     """
 
     velocity_m_s: float
@@ -59,6 +59,8 @@ class Way(ABC):
             if not abs(value) <= _MOST:
                 wanted = f"a number of at most {_MOST:g}"
                 raise SettingError(f"{name} of a {type(self).__name__.lower()}", f"{value}", wanted)
+        if len(self.name) > LONGEST_NAME or not self.name.isprintable():
+            raise SettingError("name", repr(self.name[:LONGEST_NAME]), f"one line of at most {LONGEST_NAME} letters")
 
     @property
     @abstractmethod

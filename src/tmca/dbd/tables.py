@@ -137,8 +137,8 @@ def recovery_lines(recovery: Recovery, markdown: bool = False, file: str = "") -
 def _strongest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The few rows of the largest gains, in their order."""
     order = sorted(rows, key=lambda row: -abs(complex(row["gain_real"], row["gain_imag"])))
-    kept = [row["name"] for row in order[:_MOST_IN_DOUBT]]
-    return [row for row in rows if row["name"] in kept]
+    strongest = [row["name"] for row in order[:_MOST_IN_DOUBT]]
+    return [row for row in rows if row["name"] in strongest]
 
 
 def _found(recovery: Recovery) -> str:

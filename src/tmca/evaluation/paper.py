@@ -94,8 +94,8 @@ def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]
     """What was compared, the table, the figures, and all the tables."""
     rows, columns = summary(study, found)
     more = [one for one in sections(found, study) if not _repeats(one, rows, columns)]
-    known = [*_about(study, found), *_in_words(columns), *not_meaningful(rows)]
-    made = [Section("Results", known, rows, columns)]
+    paragraphs = [*_about(study, found), *_in_words(columns), *not_meaningful(rows)]
+    made = [Section("Results", paragraphs, rows, columns)]
     for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
         figure.set_dpi(_MORE if place else _READ)
         under = f" under {study.shown_noise}" if len(study.noises) > 1 else ""

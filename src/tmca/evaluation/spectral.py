@@ -17,7 +17,7 @@ from tmca.data.fitting import VISIBLE
 from tmca.data.headers import wavelengths_of
 from tmca.data.scene_names import identity_of
 from tmca.data.scenes import load_scene
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.evaluation.camera import CameraEvaluation, Lists, Settings
 from tmca.evaluation.cells import Check, Measurement
 from tmca.evaluation.grid import Measured
@@ -66,6 +66,14 @@ def _some_bands(study: Study, there: Sequence[NDArray[np.float64]]) -> str:
     whole = all(metres.min() > low - 1e-9 and metres.max() < high + 1e-9 for metres in there)
     hint = f" ({option} for all)" if whole and len(counts) == 1 else ""
     return f"{bands} of {' or '.join(map(str, counts))} bands{hint}"
+
+
+def _wavelengths(sources: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Of all scenes; of none where one is gone since it was measured."""
+    try:
+        return [wavelengths_of(source) for source in sources]
+    except DataError:
+        return []
 
 
 class SpectralEvaluation(CameraEvaluation):
@@ -146,7 +154,7 @@ class SpectralEvaluation(CameraEvaluation):
         sources = sorted({cell["source"] for cell in measured if "metrics" in cell})
         return {
             "expected_error": [{"code": cell["code"], "noise": cell["noise"], **cell["expected"]} for cell in checks],
-            "bands": _some_bands(study, [wavelengths_of(source) for source in sources]),
+            "bands": _some_bands(study, _wavelengths(sources)),
         }
 
     def scores(self, found: Row, decoder: str, noise: str) -> dict[str, float]:

@@ -182,7 +182,9 @@ def _draw_image(axis: Axes, plane: Plane, values: Values, span: tuple[float, flo
         axis.plot(*plane.truth.T, "o", label="truth", markeredgecolor="white", path_effects=outlined, **_ring(look))
         beside: Any = {"xytext": (7 * look.mark, 5 * look.mark), "textcoords": "offset points"}
         for name, place in zip(plane.names, plane.truth, strict=False):
-            axis.annotate(name, place, color="white", fontsize=look.small, path_effects=outlined, **beside)
+            axis.annotate(
+                name, place, color="white", fontsize=look.small, path_effects=outlined, parse_math=False, **beside
+            )
     axis.plot(*plane.estimate.T, "x", **_cross(look))
     for number, (centre, covariance) in enumerate(
         zip(plane.estimate, plane.covariances if plane.covariances is not None else (), strict=False)

@@ -117,9 +117,10 @@ def _cube(estimate: xr.Dataset, truth: xr.DataArray | None, at: Points) -> Figur
     name, values = str(estimate.attrs["decoder"]), estimate["estimate"]
     waves = values["wavelength"].values.tolist()
     scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
-    shown = values.mean("slot") if "slot" in values.dims else values
-    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
-    return note_false_colour(reconstruction_figure({name: shown.values}, waves, scene, spread, at), waves)
+    # of several slots the mean; its deviation is at most the mean of theirs
+    shown = estimate.mean("slot") if "slot" in values.dims else estimate
+    spread = {name: shown["deviation"].values} if "deviation" in shown else {}
+    return note_false_colour(reconstruction_figure({name: shown["estimate"].values}, waves, scene, spread, at), waves)
 
 
 def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:

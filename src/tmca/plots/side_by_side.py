@@ -45,8 +45,8 @@ def side_by_side(estimates: Mapping[Name, xr.Dataset], truth: Any = None, names:
         names: all that have a place, in their order; in the places of those without an estimate stands that it failed.
 
     Returns:
-        A figure that fits a page; its label says what was left out for that: error maps, then the last rows. Where
-        there are more rows than columns, they change places: a page is filled, and not a strip beside the truth.
+        A figure that fits a page. Where there are more rows than columns, they change places: a page is filled, and
+        not a strip beside the truth. Its label says what was left out: error maps, then the last rows as drawn.
     """
     panels, said = replace(_panels(estimates, truth), names=names), ""
     if len(panels.rows) > len(panels.columns):

@@ -227,10 +227,10 @@ def _write_codes(advice: Advice, out: Path, record: Mapping[str, Any], overwrite
 def _searched(advice: Advice) -> dict[str, Candidate]:
     """Names of files, and the codes that they hold: the recommended ones, the static ones, the best of several slots,
     and the rival."""
-    found = {"codes.nc": advice.best, "codes_k1.nc": advice.static}
+    files = {"codes.nc": advice.best, "codes_k1.nc": advice.static}
     if advice.chosen is not None:
-        found.setdefault(f"codes_k{advice.chosen.design.slots}.nc", advice.chosen)
-    return found if advice.burst is None else {**found, "burst.nc": advice.burst}
+        files.setdefault(f"codes_k{advice.chosen.design.slots}.nc", advice.chosen)
+    return files if advice.burst is None else {**files, "burst.nc": advice.burst}
 
 
 def _files(advice: Advice) -> dict[str, dict[str, Any]]:

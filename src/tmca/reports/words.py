@@ -81,7 +81,7 @@ def _against_burst(advice: Advice) -> str:
     said = (
         f"The burst is {-gain:.1f} dB better: prefer it if the scene stands still and the sensor can be read twice in "
     )
-    more = " If its pixels have two buckets, these hold both frames: add --buckets 2." if advice.two is None else ""
+    more = " With two buckets a pixel, one reading holds both frames: add --buckets 2." if advice.two is None else ""
     return f"{said}this time.{more}"
 
 

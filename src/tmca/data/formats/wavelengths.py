@@ -317,7 +317,7 @@ def divisor(stored: Stored, axis: int, scale: float | None, bands: NDArray[Any] 
     return (top, "maximum") if top > 1 else (1.0, "file")
 
 
-_CONVERTERS = (8, 10, 12, 14, 16, 24)
+_CONVERTERS = (8, 10, 12, 14, 16)
 """Bits of counts that files of larger integers hold."""
 
 
@@ -328,7 +328,7 @@ def few_counts(dtype: np.dtype[Any], top: float) -> str:
     fits = [bits for bits in _CONVERTERS if 2**bits > top]
     if not fits or not 0 < top < (white + 1) / 4 or white < 2 ** _CONVERTERS[0]:
         return ""
-    counts = f"counts of {fits[0]} bits take --scale {2 ** fits[0] - 1} (scale=)"
+    counts = f"counts of {fits[0]} bits take --scale {2 ** fits[0] - 1} (scale=), reflectance in ten-thousandths 10000"
     return f"its brightest value is {100 * top / white:.2g} % of white (scale {white}); {counts}"
 
 

@@ -105,12 +105,6 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     Warns:
         NotMeasured: a calibration that lacks steps of this camera.
     """
-    laid = _laid(snapshot, calibration)
-    _warn_of_missing(calibration, snapshot)
-    return laid
-
-
-def _laid(snapshot: Snapshot[Any], calibration: Calibration) -> Snapshot[Any]:
     if "calibration" in snapshot.notes:
         found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
         raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
@@ -124,6 +118,7 @@ def _laid(snapshot: Snapshot[Any], calibration: Calibration) -> Snapshot[Any]:
         camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
     values = lab_camera(camera).on_camera(values, snapshot.camera, camera)
     notes = {k: v for k, v in notes.items() if k != "values"}
+    _warn_of_missing(calibration, snapshot)
     return Snapshot(values, camera, {**notes, "calibration": calibration.where})
 
 
@@ -139,9 +134,7 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
     taken = Snapshot.load(path)
     if calibration is not None:
         measured = load_calibration(calibration)
-        laid = _laid(taken, measured)
-        _warn_of_missing(measured, taken)
-        return laid
+        return calibrated_snapshot(taken, measured)
     if taken.notes.get("values") == RAW:
         remedy = "name the calibration of its camera (--calibration)"
         raise DataError(path, "a snapshot in digital numbers", "relative irradiance", remedy)
