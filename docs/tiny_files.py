@@ -74,7 +74,8 @@ def _sensor() -> Sensor:
 def _pictures(folder: Path) -> None:
     """Of the spectral camera, and a cube for ImageJ."""
     cube = label(_cube().numpy(), np.array(BANDS))
-    snapshot = tmca.simulate(cube, _camera(), progress=False)
+    some = cube.assign_attrs(source_bands=31)  # as tmca.read takes some of a scene's bands
+    snapshot = tmca.simulate(some, _camera(), progress=False)
     _written(folder, "spectral", snapshot, "lmmse", _gaussian(), uncertainty=True)
     write_tiff(cube, folder / "cube.tif")
 

@@ -52,6 +52,18 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 @pytest.fixture(autouse=True)
+def own_decoders_go() -> Iterator[None]:
+    """Decoders of files that a test names are gone after it: others go through all that there are."""
+    from tmca.decoders import DECODERS
+
+    before = set(DECODERS)
+    yield
+    for name in set(DECODERS) - before:
+        if not DECODERS[name].__module__.startswith("tmca.decoders"):
+            DECODERS.pop(name)
+
+
+@pytest.fixture(autouse=True)
 def seeded() -> None:
     """Every test draws the same numbers whichever ran before it."""
     torch.manual_seed(0)

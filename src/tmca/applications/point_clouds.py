@@ -95,7 +95,7 @@ class PointCloud(Summary):
     def _facts(self) -> dict[str, str]:
         near, far = self.distance
         return {
-            "points": self.said if self.pixels else str(len(self.points)),
+            "points": self.said.replace(" points of", " of", 1) if self.pixels else str(len(self.points)),
             "distance": f"{near:.3g} to {far:.3g} m",
             "focal length": f"{self.focal_px:g} px{self.origin}",
         }
