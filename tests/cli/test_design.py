@@ -97,6 +97,7 @@ def test_a_folder_that_cannot_be_written_is_found_before_the_search(tmp_path, ca
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.slow
 def test_a_design_leaves_codes_that_can_be_taken_along(capsys):
     Path("sensor.yaml").write_text("full_well: 10000\nread_noise_electrons: 3\nexposure: 0.01\npattern_rate: 1e3\n")
     found = design(capsys, "--sensor", "sensor.yaml", "--bits", "12", "--out", "d")

@@ -148,6 +148,7 @@ def test_a_decoder_of_a_file_has_a_name_and_is_known_to_other_processes(here):
         decoder_named("none.pt2")
 
 
+@pytest.mark.slow
 def test_an_exported_program_is_a_decoder(here, capsys):
     camera = SpectralCamera(4, (20, 24), slots=1, shutter="open")
 

@@ -189,6 +189,7 @@ def test_names_that_no_table_has_room_for_are_refused(name):
         Target(60.0, 10.0, name=name)
 
 
+@pytest.mark.slow
 def test_a_name_is_drawn_as_it_is_written():
     scene = replace(SCENE, targets=[Target(60.0, 10.0, name="a $x_{ b$")])
     problem = scene.draw().receive()

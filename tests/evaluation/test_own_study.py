@@ -97,6 +97,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
     assert "two-bucket & least norm & " in written
 
 
+@pytest.mark.slow
 def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, capsys):
     asked = ("study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger")
     main([*asked, "--bands", "2", "--out", "few"])

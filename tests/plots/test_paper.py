@@ -57,8 +57,12 @@ def test_texts_are_legible_and_keep_clear_of_each_other(codes, decoders, width):
     assert [(a, b) for (a, one), (b, other) in combinations(shrunk, 2) if one.overlaps(other)] == []
 
 
+LARGE = [(3, 5, ""), (3, 9, "Error maps"), (7, 9, "rows alone")]
+
+
 @pytest.mark.parametrize(
-    ("codes", "decoders", "left_out"), [(3, 3, ""), (3, 5, ""), (3, 9, "Error maps"), (7, 9, "rows alone")]
+    ("codes", "decoders", "left_out"),
+    [(3, 3, ""), *(pytest.param(*one, marks=pytest.mark.slow) for one in LARGE)],
 )
 def test_a_figure_with_many_decoders_fits_a_page_and_says_what_it_leaves_out(codes, decoders, left_out):
     figure = side_by_side({name: cube(7, (24, 24)) for name in cubes(codes, decoders)}, cube(99, (24, 24))["estimate"])
