@@ -68,8 +68,12 @@ class PointCloud(Summary):
     @property
     def said(self) -> str:
         """How many pixels are points and why others are none, in words."""
+        return f"{len(self.points)} points of {self._pixels_said}"
+
+    @property
+    def _pixels_said(self) -> str:
         why = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items() if count)
-        return f"{len(self.points)} points of {self.pixels} pixels" + (f" (left out: {why})" if why else "")
+        return f"{self.pixels} pixels" + (f" (left out: {why})" if why else "")
 
     @property
     def distance(self) -> tuple[float, float]:
@@ -95,7 +99,7 @@ class PointCloud(Summary):
     def _facts(self) -> dict[str, str]:
         near, far = self.distance
         return {
-            "points": self.said.replace(" points of", " of", 1) if self.pixels else str(len(self.points)),
+            "points": f"{len(self.points)} of {self._pixels_said}" if self.pixels else str(len(self.points)),
             "distance": f"{near:.3g} to {far:.3g} m",
             "focal length": f"{self.focal_px:g} px{self.origin}",
         }
