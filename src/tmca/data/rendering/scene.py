@@ -98,7 +98,7 @@ def _render(
     return spectral, depth[crop]
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=32)
 def regions(name: str, scale: float, smallest: int, step: int) -> NDArray[np.intp]:
     """Regions of the photograph; see `regions_of`."""
     return regions_of(linear_rgb(name), scale, smallest, step)

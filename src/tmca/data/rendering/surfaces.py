@@ -121,18 +121,19 @@ class Surface:
     texture: Texture
     outline: Outline | None = None
 
-    def near(self, v: float, u: float, y: Array, x: Array) -> NDArray[np.intp]:
-        """Indices of points (y, x) of view (v, u), those among them where it can be seen: all others need not be
-        looked at."""
+    def near(self, v: float, u: float, rows: Array, columns: Array) -> tuple[slice, slice]:
+        """Rows and columns of a grid of view (v, u), both ascending, within which it can be seen."""
         if self.outline is None:
-            return np.arange(y.size)
+            return slice(None), slice(None)
         corners = self.outline.corners
         disparities = np.array(self.relief.between(corners))
-        inside = np.ones(y.size, dtype=bool)
-        for step, places, of in ((v, y, corners[0]), (u, x, corners[1])):
-            away = step * disparities
-            inside &= (places >= of.min() - away.max() - _MARGIN) & (places <= of.max() - away.min() + _MARGIN)
-        return np.flatnonzero(inside)
+        return _within(rows, corners[0], v * disparities), _within(columns, corners[1], u * disparities)
+
+
+def _within(places: Array, of: Array, away: Array) -> slice:
+    """Which of ascending places lie where ``of`` is seen from a view that moves it by ``away``."""
+    low, high = of.min() - away.max() - _MARGIN, of.max() - away.min() + _MARGIN
+    return slice(int(np.searchsorted(places, low)), int(np.searchsorted(places, high, side="right")))
 
 
 def render_view(
@@ -153,34 +154,35 @@ def render_view(
     """
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
     rows, columns = ((np.arange(n)[:, None] + offsets).ravel() for n in size)
-    y, x = (axis.ravel() for axis in np.meshgrid(rows, columns, indexing="ij"))
     channels = len(surfaces[0].texture.samples)
-    at, owner, disparity = _nearest(surfaces, v, u, y, x)
-    values = np.empty((channels, y.size), dtype=np.float32)
+    y, x, owner, disparity = _nearest(surfaces, v, u, rows, columns)
+    values = np.empty((channels, *owner.shape), dtype=np.float32)
     for number, surface in enumerate(surfaces):
         shown = owner == number
-        values[:, shown] = surface.texture(at[0, shown], at[1, shown])
+        values[:, shown] = surface.texture(y[shown], x[shown])
     blocks = values.reshape(channels, size[0], samples, size[1], samples).mean(axis=(2, 4), dtype=np.float32)
     middle = samples // 2
-    centres = disparity.reshape(size[0], samples, size[1], samples)[:, middle, :, middle]
-    return np.asarray(blocks), centres.astype(np.float32)
+    return np.asarray(blocks), disparity[middle::samples, middle::samples].astype(np.float32)
 
 
-def _nearest(surfaces: list[Surface], v: float, u: float, y: Array, x: Array) -> tuple[Array, NDArray[np.intp], Array]:
-    """Of every point of a view: its centre-view position ``(2, N)`` on the nearest surface there, which surface that
-    is, and its disparity (a depth buffer, so surfaces may also cut through one another)."""
-    at, owner = np.empty((2, y.size)), np.zeros(y.size, dtype=np.intp)
-    disparity = np.full(y.size, -np.inf)
+def _nearest(
+    surfaces: list[Surface], v: float, u: float, rows: Array, columns: Array
+) -> tuple[Array, Array, NDArray[np.intp], Array]:
+    """Of every point of a grid of a view: its centre-view position (y, x) on the nearest surface there, which surface
+    that is, and its disparity (a depth buffer, so surfaces may also cut through one another)."""
+    y, x = np.empty((2, rows.size, columns.size))
+    owner, disparity = np.zeros(y.shape, dtype=np.intp), np.full(y.shape, -np.inf)
     for number, surface in enumerate(surfaces):
-        near = surface.near(v, u, y, x)
-        place = np.stack(surface.relief.seen_from(v, u, y[near], x[near]))
-        depth = surface.relief(place[0], place[1])
+        near = surface.near(v, u, rows, columns)
+        place = surface.relief.seen_from(v, u, rows[near[0], None], columns[None, near[1]])
+        depth = surface.relief(*place)
         hit = depth > disparity[near]
         if surface.outline is not None:
-            hit[hit] = surface.outline(place[0, hit], place[1, hit])
-        points = near[hit]
-        at[:, points], owner[points], disparity[points] = place[:, hit], number, depth[hit]
-    return at, owner, disparity
+            hit[hit] = surface.outline(place[0][hit], place[1][hit])
+        owner[near][hit] = number
+        for whole, part in ((y, place[0]), (x, place[1]), (disparity, depth)):
+            np.copyto(whole[near], part, where=hit)
+    return y, x, owner, disparity
 
 
 _GRID = 65
