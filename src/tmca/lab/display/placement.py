@@ -97,11 +97,13 @@ class Placement:
             wanted = f"{self.device[0]}×{self.device[1]} pixels"
             raise DataError(where, f"frames of {frames.shape[1]}×{frames.shape[2]} pixels", wanted, "export it again")
         index = self.index()
-        _, first = np.unique(index[index >= 0], return_index=True)
-        codes = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
-        if not np.array_equal(self.shown(codes, 0)[:, index >= 0], frames[:, index >= 0]):
+        inside = index >= 0
+        places, levels = index[inside], frames[:, inside]
+        codes = np.empty((len(frames), self.code[0] * self.code[1]), frames.dtype)
+        codes[:, places] = levels
+        if not np.array_equal(codes[:, places], levels):
             raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
-        return codes
+        return codes.reshape(len(frames), *self.code)
 
     def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the code under each pixel of the device and its margin."""
