@@ -62,11 +62,6 @@ class Page:
                 named = not count
         return "\n".join(line.rstrip() for line in captured.get().splitlines())
 
-    def least(self, first: int, main: bool) -> int:
-        """Lines that ``text`` has at the least: one for every entry that it explains."""
-        explained = [panel for panel in self.panels if not main or str(panel.title) in _MAIN]
-        return sum(min(first, len(panel.entries)) for panel in explained)
-
     def _print(self, console: Console, panel: HelpPanel, first: int) -> None:
         count = len(panel.entries) if panel.format == "command" else first
         shown, others = panel.entries[:count], panel.entries[count:]
@@ -93,9 +88,7 @@ def print_help(app: App, tokens: Sequence[str]) -> None:
     app.help_formatter = None
     end = captured.get().strip()
     shortened = any(panel.format != "command" for panel in page.panels)  # commands are always told
-    levels = _LEVELS if shortened else _LEVELS[:1]
-    short = [level for level in levels[:-1] if page.least(*level) <= _SCREEN]  # the others need not be drawn
-    texts = (page.text(console, *level) for level in (*short, levels[-1]))
+    texts = (page.text(console, *level) for level in (_LEVELS if shortened else _LEVELS[:1]))
     for text in texts:
         if text.count("\n") + end.count("\n") + 3 <= _SCREEN:
             break
