@@ -32,18 +32,19 @@ def table(bench, tmp_path):
 
 
 @pytest.mark.slow
-def test_from_frames_to_a_scene_that_the_camera_takes(capsys, table):
+def test_from_frames_to_a_scene_that_the_camera_takes(capsys):
+    main(["scan", "render", "table", "--size", "100x150", "--picture", "chelsea"])
     outputs = ("--out", "depth.nc", "--figure", "depth.png", "--truth", "table/truth.nc", "--json")
     depth = ("scan", "depth", "table/captures", *PLAN, *outputs)
     about = json.loads(said(capsys, *depth))
-    assert about["pixels"]["known"] > 0.6 * 60 * 90
+    assert about["pixels"]["known"] > 0.6 * 100 * 150
     assert about["median_std"] < 2e-3
     assert about["rmse_percent"] < 0.2
     assert 0.8 < about["in_deviations"] < 1.6  # texture within a pixel moves its depth, which is no noise
     asked = ("--wavelengths", "400:700:31")
     spectra = ("scan", "spectra", "table/scene", *LIGHT, *asked, "--out", "spectra.nc", "--figure", "spectra.png")
-    assert "31 bands, 400 to 700 nm, 60×90 pixels" in said(capsys, *spectra)
-    points = ("--references", "table/references.csv", "--points", "P1=18,27", "P2=30,63", "--figure", "sam.png")
+    assert "31 bands, 400 to 700 nm, 100×150 pixels" in said(capsys, *spectra)
+    points = ("--references", "table/references.csv", "--points", "P1=30,45", "P2=50,105", "--figure", "sam.png")
     rows = answer(capsys, "scan", "compare", "spectra.nc", *points)
     assert [row["point"] for row in rows] == ["P1", "P2"]
     assert max(row["sam"] for row in rows) < 1
