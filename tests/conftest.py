@@ -78,11 +78,14 @@ def rendered_once() -> Iterator[None]:
 
     @lru_cache(maxsize=8)
     def kept(name: str, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: tuple[int, ...]) -> Any:
-        return render(name, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape))
+        found = render(name, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape))
+        found[0].flags.writeable = False
+        return found
 
     def copied(name: str, seed: int, crop: tuple[slice, slice], bands: Any) -> Any:
         ends = tuple((part.start, part.stop) for part in crop)
-        return tuple(part.copy() for part in kept(name, seed, ends, bands.tobytes(), bands.shape))
+        spectral, depth = kept(name, seed, ends, bands.tobytes(), bands.shape)
+        return spectral, depth.copy()  # what reads the large one copies it
 
     kept_views = lru_cache(maxsize=4)(render_views)
 

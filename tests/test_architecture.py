@@ -3,7 +3,9 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -55,8 +57,21 @@ ALONE = {
 FILES = sorted(SOURCE.rglob("*.py"))
 
 
-def imported_rooms(file):
-    for node in ast.walk(ast.parse(file.read_text())):
+def statements(node):
+    """All statements within one, which are never within expressions."""
+    for block in ("body", "handlers", "orelse", "finalbody", "cases"):
+        for child in getattr(node, block, ()):
+            yield child
+            yield from statements(child)
+
+
+def names_type_checking(test):
+    names = {getattr(part, "id", getattr(part, "attr", None)) for part in ast.walk(test)}
+    return "TYPE_CHECKING" in names
+
+
+def imported_rooms(tree):
+    for node in statements(tree):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module:
             names = [f"{node.module}.{alias.name}" for alias in node.names]
@@ -66,6 +81,46 @@ def imported_rooms(file):
             parts = name.split(".")
             if parts[0] == "tmca" and len(parts) > 1 and parts[1] in FLOORS:
                 yield parts[1]
+
+
+def imported_files(tree):
+    """Files of the package that are imported at the top or inside functions, not for the type checker alone."""
+    typing_only = [node for node in statements(tree) if isinstance(node, ast.If) and names_type_checking(node.test)]
+    skipped = {inner for node in typing_only for part in node.body for inner in (part, *statements(part))}
+    for node in statements(tree):
+        if node in skipped or not isinstance(node, ast.ImportFrom | ast.Import):
+            continue
+        module = getattr(node, "module", None)
+        for alias in node.names:
+            place = SOURCE.parent.joinpath(*(f"{module}.{alias.name}" if module else alias.name).split("."))
+            outer = place.parent if module else place
+            found = [place.with_suffix(".py"), place / "__init__.py", outer.with_suffix(".py"), outer / "__init__.py"]
+            yield from [path for path in found if path.exists()][:1]
+
+
+def imports_at_run_time(tree):
+    """All import statements but those for types alone."""
+    checked = [node for node in statements(tree) if isinstance(node, ast.If) and isinstance(node.test, ast.Name)]
+    skipped = {inner for node in checked if node.test.id == "TYPE_CHECKING" for inner in statements(node)}
+    for node in statements(tree):
+        if node in skipped:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+@cache
+def about(file):
+    """What a file imports, in three ways, and its public classes; it is parsed once."""
+    tree = ast.parse(file.read_text())
+    return SimpleNamespace(
+        rooms=[*imported_rooms(tree)],
+        files=[*imported_files(tree)],
+        at_run_time=[*imports_at_run_time(tree)],
+        classes=[node.name for node in tree.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")],
+    )
 
 
 def allowed(room, other):
@@ -78,26 +133,8 @@ def test_imports_only_go_down():
     for file in FILES:
         room = file.relative_to(SOURCE).parts[0].removesuffix(".py")
         if room not in ("__init__", "__main__"):
-            wrong += [f"{file} imports {other}" for other in imported_rooms(file) if not allowed(room, other)]
+            wrong += [f"{file} imports {other}" for other in about(file).rooms if not allowed(room, other)]
     assert wrong == []
-
-
-def imported_files(file):
-    """Files of the package that a file imports at its top or inside functions, not for the type checker alone."""
-    tree = ast.parse(file.read_text())
-    typing_only = [
-        node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
-    ]
-    skipped = {inner for node in typing_only for part in node.body for inner in ast.walk(part)}
-    for node in ast.walk(tree):
-        if node in skipped or not isinstance(node, ast.ImportFrom | ast.Import):
-            continue
-        module = getattr(node, "module", None)
-        for alias in node.names:
-            place = SOURCE.parent.joinpath(*(f"{module}.{alias.name}" if module else alias.name).split("."))
-            outer = place.parent if module else place
-            found = [place.with_suffix(".py"), place / "__init__.py", outer.with_suffix(".py"), outer / "__init__.py"]
-            yield from [path for path in found if path.exists()][:1]
 
 
 ROOMS = sorted(path.name for path in SOURCE.iterdir() if path.is_dir() and (path / "__init__.py").exists())
@@ -106,19 +143,14 @@ ROOMS = sorted(path.name for path in SOURCE.iterdir() if path.is_dir() and (path
 @pytest.mark.parametrize("room", ROOMS)
 def test_no_room_has_an_import_circle(room):
     files = [file for file in FILES if file.relative_to(SOURCE).parts[0] == room]
-    needs = {file: {other for other in imported_files(file) if other in files} for file in files}
+    needs = {file: {other for other in about(file).files if other in files} for file in files}
     while free := [file for file, others in needs.items() if not others]:
         needs = {file: others - {*free} for file, others in needs.items() if file not in free}
     assert [str(file.relative_to(SOURCE)) for file in needs] == []
 
 
 def test_no_two_public_classes_have_one_name():
-    names = [
-        node.name
-        for file in FILES
-        for node in ast.parse(file.read_text()).body
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
-    ]
+    names = [name for file in FILES for name in about(file).classes]
     assert sorted({name for name in names if names.count(name) > 1}) == []
 
 
@@ -127,21 +159,9 @@ def test_every_room_has_its_floor():
     assert rooms <= set(FLOORS)
 
 
-def imports_at_run_time(node):
-    """All import statements but those for types alone."""
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.If) and isinstance(child.test, ast.Name) and child.test.id == "TYPE_CHECKING":
-            continue
-        if isinstance(child, ast.Import):
-            yield from (alias.name for alias in child.names)
-        elif isinstance(child, ast.ImportFrom):
-            yield from (f"{child.module}.{alias.name}" for alias in child.names)
-        yield from imports_at_run_time(child)
-
-
 def test_only_plots_draw():
     for file in {*FILES} - {*(SOURCE / "plots").rglob("*.py")}:
-        drawing = {name for name in imports_at_run_time(ast.parse(file.read_text())) if name.startswith("matplotlib")}
+        drawing = {name for name in about(file).at_run_time if name.startswith("matplotlib")}
         assert not drawing, file
 
 

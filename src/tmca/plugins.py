@@ -3,6 +3,7 @@ is named with them, and their source."""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
@@ -170,9 +171,10 @@ def _importing_beside(path: Path) -> Iterator[list[Path]]:
         yield beside
     finally:
         sys.path.remove(str(path.parent))
-        sources = (getattr(module, "__file__", None) for module in list(sys.modules.values()))
-        there = {Path(source) for source in sources if source is not None} - {path}
-        beside += sorted(source for source in there if path.parent in source.parents)
+        within = os.path.join(path.parent, "")  # texts: there are thousands of modules
+        sources = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
+        there = {Path(source) for source in sources if isinstance(source, str) and source.startswith(within)}
+        beside += sorted(there - {path})
 
 
 def file_of(cls: Class) -> Path | None:

@@ -1,8 +1,10 @@
 """Help pages: on a screen, with what is used most; all of it with ``--help-all``."""
 
 import json
+from functools import cache
 from pathlib import Path
 
+import cyclopts.argument._collection
 import pytest
 
 from tests.cli.calls import said
@@ -11,6 +13,15 @@ from tmca.cli.app import GROUPS, app
 
 COMMANDS = sorted(json.loads(Path(__file__).with_name("frozen.json").read_text())["options"])
 SCREEN = 42
+
+
+@pytest.fixture(scope="module", autouse=True)
+def docstrings_read_once():
+    """Many commands have the same settings, whose docstrings cyclopts reads again for every one."""
+    with pytest.MonkeyPatch.context() as patch:
+        module = cyclopts.argument._collection
+        patch.setattr(module, "extract_docstring_help", cache(module.extract_docstring_help))
+        yield
 
 
 @pytest.mark.parametrize("command", COMMANDS)

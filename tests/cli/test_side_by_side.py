@@ -1,6 +1,7 @@
 """Several snapshots, decoders and estimates in one command: one table, one picture, nothing lost where one fails."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -30,13 +31,21 @@ class Breaks(Decoder):
 """
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch, capsys):
-    """A folder with two snapshots of one scene and a file of decoders; the current one."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def two(tmp_path_factory):
+    """Snapshots of one scene."""
+    folder = tmp_path_factory.mktemp("two")
     for name, preset in (("static", "cassi"), ("buckets", "two-bucket")):
         main(["simulate", "spectral", "coffee", "--preset", preset, "--crop", "20x24", "--bands", "4",
-              "--out", f"{name}_snapshot.nc", "--no-figures"])  # fmt: skip
+              "--out", str(folder / f"{name}_snapshot.nc"), "--no-figures"])  # fmt: skip
+    return folder
+
+
+@pytest.fixture
+def here(two, tmp_path, monkeypatch, capsys):
+    """A folder with two snapshots of one scene and a file of decoders; the current one."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(two, tmp_path, dirs_exist_ok=True)
     (tmp_path / "mine.py").write_text(MINE)
     capsys.readouterr()
     return tmp_path

@@ -50,7 +50,7 @@ def test_codes_of_the_other_cameras(opened):
     assert [layer.name for layer in codes.layers] == ["aperture", "shutter1", "code"]
     assert codes.layer("code").axis.names[0] == "view -1, -1"
     depth = tmca.SpectralDepthCamera(sensor=SENSOR)
-    recorded, codes = opened(tmca.simulate(tmca.read("motorcycle", "spectral-depth", size=(32, 32)), depth))
+    recorded, codes = opened(tmca.simulate(tmca.read("coffee", "spectral-depth", size=(32, 32)), depth))
     assert recorded.layers[0].size == (32, 32)
     assert [layer.name for layer in codes.layers] == ["heights", "shutter1"]
     assert codes.layer("heights").unit == "µm"

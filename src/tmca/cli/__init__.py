@@ -8,6 +8,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -170,10 +171,17 @@ def _in_options(error: TmcaError, tokens: list[str]) -> str:
         return f"{' '.join(given[0])}{str(error)[len(field) :]}"
     if not field.replace("-", "_").isidentifier():
         return str(error)
-    command = app.parse_commands(tokens)[1][-1]
-    options = {name for argument in command.assemble_argument_collection() for name in argument.names}
-    has_option = error.where.isprintable() and option in options
+    has_option = error.where.isprintable() and option in _options_of(*app.parse_commands(tokens)[0])
     return f"{option}{space}{rest}{str(error)[len(error.where) :]}" if has_option else str(error)
+
+
+@cache
+def _options_of(*words: str) -> frozenset[str]:
+    """Names of all options of a command."""
+    from tmca.cli.app import app
+
+    command = app.parse_commands(words)[1][-1]
+    return frozenset(name for argument in command.assemble_argument_collection() for name in argument.names)
 
 
 def _names_given(tokens: list[str]) -> list[tuple[str, str]]:

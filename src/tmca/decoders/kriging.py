@@ -13,6 +13,7 @@ import math
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -176,6 +177,7 @@ def fitted_covariance(
     near = samples.nearest(samples.points[drawn, :2], neighbours)
     points, values = samples.points[near], samples.values[near]
 
+    @cache  # from round to round most of what is tried is the same
     def error(covariance: Covariance) -> float:
         return float(_conditional(points, values, points[:, :1], covariance)[3].square().mean())
 

@@ -12,24 +12,17 @@ import pytest
 import tifffile
 import torch
 
-from tests.lab.display.test_export import mirror, snapshot, spectral
+from tests.lab.display.test_export import mirror, small_device, snapshot, spectral
 from tmca.cameras import Hardware, LightFieldCamera, SpectralCamera, imperfect
 from tmca.errors import DataError, DeviceError, OutputError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.session import capture, check_camera, joined
 from tmca.lab.display.codes import read_planes
-from tmca.lab.display.devices import device_named
 from tmca.lab.display.export import Export, export_codes
 from tmca.lab.display.manifest import read_manifest
 from tmca.sensor import Sensor
 
 LATER = datetime(2099, 1, 1, tzinfo=UTC)
-
-
-def small_device(name, **changes):
-    """A device of the package; one with pixels of its own has few of them, which are quickly written and read."""
-    pixels = {"size": (96, 128)} if name in ("dli4120", "pluto-2.1") else {}
-    return device_named(name, **pixels, **changes)
 
 
 _EXPORTS = {}

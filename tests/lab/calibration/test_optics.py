@@ -1,6 +1,7 @@
 """Dispersion, shear and wavefronts, found again from captures that plain physics made of hidden numbers."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -39,10 +40,19 @@ def displaced(shifts, light=1000.0, snr=40.0, seed=0):
     )
 
 
+@cache
+def through_glass():
+    return displaced(glass(NM))
+
+
+@cache
+def dispersed(curve):
+    return measure_dispersion(through_glass()[::-1], NM[::-1] * 1e-9, PATTERN, REGISTERED, curve=curve)
+
+
 @pytest.mark.parametrize("curve", ["cauchy", "polynomial"])
 def test_the_dispersion_of_glass_is_found_again_to_a_tenth_of_a_pixel(curve):
-    frames = displaced(glass(NM))
-    found = measure_dispersion(frames[::-1], NM[::-1] * 1e-9, PATTERN, REGISTERED, curve=curve)
+    found = dispersed(curve)
     between = np.linspace(450, 650, 9)
     assert np.abs(found.at(between * 1e-9) - glass(between)).max() < 0.1
     assert np.abs(found.shifts - glass(NM)).max() < 0.03
@@ -60,9 +70,9 @@ def test_response_is_light_over_the_power_of_the_source():
 
 
 def test_dispersion_refuses_what_cannot_be():
-    frames = displaced(glass(NM))
+    frames = through_glass()
     with pytest.raises(DataError, match="smooth curve leaves"):
-        measure_dispersion(frames[[0, 4, 2, 3, 1]], NM * 1e-9, PATTERN, REGISTERED, order=1)
+        measure_dispersion(frames[[0, 4, 2]], NM[[0, 2, 4]] * 1e-9, PATTERN, REGISTERED, order=1)
     dark = frames * (NM != 500)[:, None, None]
     with pytest.raises(DataError, match=r"dispersion \(500 nm\): found a frame without light"):
         measure_dispersion(dark, NM * 1e-9, PATTERN, REGISTERED)
@@ -76,14 +86,13 @@ def test_dispersion_refuses_what_cannot_be():
         measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED, order=5)
     with pytest.raises(ShapeError, match="as registered"):
         measure_dispersion(frames, NM * 1e-9, PATTERN[1:], REGISTERED)
-    found = measure_dispersion(frames, NM * 1e-9, PATTERN, REGISTERED)
     with pytest.raises(SettingError, match="measure the dispersion over all bands"):
-        found.at([400e-9])
+        dispersed("cauchy").at([400e-9])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_few_wavelengths_need_no_curve(count):
-    frames = displaced(glass(NM))[:count]
+    frames = through_glass()[:count]
     found = measure_dispersion(frames, NM[:count] * 1e-9, PATTERN, REGISTERED, curve="measured")
     assert np.abs(found.at(NM[:count] * 1e-9) - glass(NM[:count])).max() < 0.02
 

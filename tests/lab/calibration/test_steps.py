@@ -204,7 +204,7 @@ def test_a_part_alone_can_be_applied(benches, kind, name):
     foreign = [other for other in BENCHES if part_names(bench, name)[-1].rstrip("0123") in LABS[other].unmeasured]
     for other in foreign:
         with pytest.raises(DataError, match=f"one of a {LABS[other].kind} camera"):
-            check_fits(benches(other).camera, alone)
+            check_fits(BENCHES[other][0](), alone)
 
 
 @each_step
@@ -222,7 +222,9 @@ def test_a_step_needs_those_before_it(benches, kind, name):
             measure(name, bench.calibration.without(need), bench.folder / name, bench.given)
 
 
-@pytest.mark.parametrize("kind", BENCHES)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=pytest.mark.slow) if kind == "spectral" else kind for kind in BENCHES]
+)
 def test_all_steps_together_make_the_camera_of_the_bench(benches, kind):
     """Of the bench's image of a scene the calibrated camera leaves a fraction of what the drawn one does."""
     bench = benches(kind)

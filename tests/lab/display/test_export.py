@@ -29,9 +29,15 @@ def spectral(size=(12, 16), **settings):
     return SpectralCamera(bands=3, size=size, slots=3, seed=2, **settings)
 
 
+def small_device(name, **changes):
+    """A device of the package; one with pixels of its own has few of them, which are quickly written and read."""
+    pixels = {"size": (96, 128)} if name in ("dli4120", "pluto-2.1") else {}
+    return device_named(name, **pixels, **changes)
+
+
 def export(folder, camera, *devices, **how):
     """An export ``out`` of a camera's codes, which a snapshot beside it keeps."""
-    described = [device_named(device) if isinstance(device, str) else device for device in devices]
+    described = [small_device(device) if isinstance(device, str) else device for device in devices]
     return export_codes(read_planes(snapshot(folder, camera)), described, folder / "out", **how)
 
 
@@ -45,9 +51,9 @@ def mirror(modes=range(4, 16), rms=20e-9, **settings):
 @pytest.mark.parametrize(
     "device",
     [
-        device_named("dli4120", macro_pixel=3), device_named("dli4120", macro_pixel=2.2, mounting_angle_deg=45.0),
-        device_named("dli4120", lattice="diamond", macro_pixel=2), device_named("pluto-2.1"),
-        device_named("dli4120", flip=("rows",)), device_named("pluto-2.1", flip=("columns",), gamma=1.7),
+        small_device("dli4120", macro_pixel=3), small_device("dli4120", macro_pixel=2.2, mounting_angle_deg=45.0),
+        small_device("dli4120", lattice="diamond", macro_pixel=2), small_device("pluto-2.1"),
+        small_device("dli4120", flip=("rows",)), small_device("pluto-2.1", flip=("columns",), gamma=1.7),
     ],
 )  # fmt: skip
 def test_codes_come_back(tmp_path, size, device):
@@ -101,7 +107,7 @@ def test_tiles_fill_the_device(tmp_path, tiles):
 
 
 def test_frames_are_of_the_kind_that_devices_take(tmp_path):
-    export(tmp_path, spectral(), "pluto-2.1", "coded-exposure")
+    export(tmp_path, spectral(), device_named("pluto-2.1"), "coded-exposure")
     with Image.open(tmp_path / "out" / "aperture" / "aperture_000.png") as frame:
         assert (frame.mode, frame.size) == ("L", (1920, 1080))
     with Image.open(tmp_path / "out" / "shutter" / "shutter_002.png") as frame:
@@ -146,7 +152,7 @@ def test_a_phase_gives_the_light_that_crossed_polarisers_pass(tmp_path):
 
 def test_an_export_carries_the_response_that_it_is_read_with(tmp_path):
     (tmp_path / "lut.csv").write_text("grey,light\n0,0\n100,0.1\n255,1\n")
-    camera, device = spectral(), device_named("pluto-2.1", lut=str(tmp_path / "lut.csv"))
+    camera, device = spectral(), small_device("pluto-2.1", lut=str(tmp_path / "lut.csv"))
     folder = export(tmp_path, camera, device).folder
     (tmp_path / "lut.csv").unlink()
     folder = folder.rename(tmp_path / "moved")
@@ -200,7 +206,7 @@ def test_what_cannot_be_shown_leaves_nothing(tmp_path, devices, how, where):
 
 
 def test_a_snapshot_of_codes_that_repeat_is_exported_over_any_size(tmp_path):
-    camera, devices = spectral(period=4), [device_named("dli4120"), device_named("emulated-shutter")]
+    camera, devices = spectral(period=4), [small_device("dli4120"), device_named("emulated-shutter")]
     large = read_planes(snapshot(tmp_path, camera), (30, 41))
     found = read_export(export_codes(large, devices, tmp_path / "large", code_size=(30, 41)).folder).planes
     for name, plane in zip(("aperture", "shutter"), camera.codes(), strict=True):
@@ -219,18 +225,18 @@ def test_masks_beyond_the_stroke_are_refused(tmp_path):
 def test_nothing_is_replaced_unasked(tmp_path, written):
     codes = read_planes(tmp_path / "taken.nc")
     with pytest.raises(OutputError, match="--overwrite"):
-        export_codes(codes, [device_named("dli4120")], written)
-    export_codes(codes, [device_named("dli4120")], written, overwrite=True)
+        export_codes(codes, [small_device("dli4120")], written)
+    export_codes(codes, [small_device("dli4120")], written, overwrite=True)
     assert not (written / "shutter").exists()
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("")
     with pytest.raises(OutputError, match="no export"):
-        export_codes(codes, [device_named("dli4120")], tmp_path / "mine", overwrite=True)
+        export_codes(codes, [small_device("dli4120")], tmp_path / "mine", overwrite=True)
 
 
 def test_a_link_leads_to_the_folder_of_the_export(tmp_path, written):
     (tmp_path / "link").symlink_to(written, target_is_directory=True)
-    again = [device_named("dli4120"), device_named("emulated-shutter")]
+    again = [small_device("dli4120"), device_named("emulated-shutter")]
     export_codes(read_planes(tmp_path / "taken.nc"), again, tmp_path / "link", exposure=0.2, overwrite=True)
     assert (tmp_path / "link").is_symlink()
     assert check_export(written)["exposure_s"] == 0.2
@@ -239,13 +245,13 @@ def test_a_link_leads_to_the_folder_of_the_export(tmp_path, written):
 def test_the_folder_that_one_stands_in_is_refused(tmp_path, written, monkeypatch):
     monkeypatch.chdir(written)
     with pytest.raises(OutputError):
-        export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], ".", overwrite=True)
+        export_codes(read_planes(tmp_path / "taken.nc"), [small_device("dli4120")], ".", overwrite=True)
 
 
 @pytest.mark.parametrize("left", [".DS_Store", "aperture/Thumbs.db", ".overview.png.0123456789ab.tmp"])
 def test_what_a_system_or_a_killed_process_left_in_an_export_does_not_stop_its_replacing(tmp_path, written, left):
     (written / left).mkdir() if left.endswith(".tmp") else (written / left).write_text("")
-    export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+    export_codes(read_planes(tmp_path / "taken.nc"), [small_device("dli4120")], written, overwrite=True)
     assert not (written / left).exists()
 
 
@@ -256,14 +262,14 @@ def test_an_export_that_is_replaced_takes_nothing_else_with_it(tmp_path, written
     (written / "overview.png").write_text("")
     before = {file: file.read_bytes() for file in written.rglob("*") if file.is_file()}
     with pytest.raises(OutputError, match=f"{kept.split('/')[0]}.*no part of the export"):
-        export_codes(read_planes(tmp_path / "taken.nc"), [device_named("dli4120")], written, overwrite=True)
+        export_codes(read_planes(tmp_path / "taken.nc"), [small_device("dli4120")], written, overwrite=True)
     assert {file: file.read_bytes() for file in written.rglob("*") if file.is_file()} == before
 
 
 @pytest.mark.parametrize("bits", [1, 8, 12, 16])
 def test_open_mirrors_are_the_largest_number_of_their_frames(tmp_path, bits):
     camera = spectral()
-    folder = export(tmp_path, camera, device_named("dli4120", bits=bits)).folder
+    folder = export(tmp_path, camera, small_device("dli4120", bits=bits)).folder
     with Image.open(folder / "aperture" / "aperture_000.png") as frame:
         assert np.unique(np.asarray(frame)).tolist() == [0, 2**bits - 1]
     assert torch.equal(read_export(folder).planes["aperture"], camera.codes()[0])

@@ -12,13 +12,13 @@ from tmca.lab.ground_truth.depth import REASONS, measure_depth
 from tmca.lab.ground_truth.fringes import Capture, FringePlan
 from tmca.lab.ground_truth.geometry import ProjectorCalibration
 
-SIZE, RANGE, RAYS = (80, 107), 1.2, 3
+SIZE, RANGE, RAYS = (72, 95), 1.2, 3
 FINE = tuple(n * RAYS for n in SIZE)
 PLAN = FringePlan()
 
 
-def captured(shape, plan=PLAN, snr=30.0, exposure=1.0, seed=0):
-    """The capture, the truth in the middle of the pixels, the depths in each pixel, and where light falls."""
+@lru_cache
+def rendered(shape, plan, snr, exposure, seed):
     depth = scene_depth(shape, FINE)
     albedo = 0.35 + 0.6 * np.kron(np.random.default_rng(1).random((20, 27)), np.ones((12, 12)))[: FINE[0], : FINE[1]]
     seen = render_fringes(plan, bench(SIZE), depth, albedo, snr_db=snr, exposure=exposure, seed=seed)
@@ -26,6 +26,11 @@ def captured(shape, plan=PLAN, snr=30.0, exposure=1.0, seed=0):
     capture = Capture(Path("captures"), values, (seen.frames >= 4095).any(axis=0), 1.0)
     parts = depth.reshape(SIZE[0], RAYS, SIZE[1], RAYS).transpose(0, 2, 1, 3).reshape(*SIZE, -1)
     return capture, depth[1::RAYS, 1::RAYS], parts, seen.lit
+
+
+def captured(shape, plan=PLAN, snr=30.0, exposure=1.0, seed=0):
+    """The capture, the truth in the middle of the pixels, the depths in each pixel, and where light falls."""
+    return rendered(shape, plan, snr, exposure, seed)
 
 
 @lru_cache

@@ -31,12 +31,19 @@ def shown(number):
     )
 
 
-@pytest.fixture
-def written(tmp_path):
-    with Recording(tmp_path / "r.zarr", CAMERA, estimates=True) as recording:
+@pytest.fixture(scope="module")
+def three_frames(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recorded") / "r.zarr"
+    with Recording(path, CAMERA, estimates=True) as recording:
         for number in (0, 1, 3):
             recording.add(shown(number))
-    return tmp_path / "r.zarr"
+    return path
+
+
+@pytest.fixture
+def written(three_frames, tmp_path):
+    """A recording of the test's own."""
+    return shutil.copytree(three_frames, tmp_path / "r.zarr")
 
 
 def test_what_is_recorded_is_read_again(written):

@@ -97,16 +97,18 @@ class Placement:
             wanted = f"{self.device[0]}×{self.device[1]} pixels"
             raise DataError(where, f"frames of {frames.shape[1]}×{frames.shape[2]} pixels", wanted, "export it again")
         index = self.index()
-        _, first = np.unique(index[index >= 0], return_index=True)
-        codes = frames[:, index >= 0][:, first].reshape(len(frames), *self.code)
-        if not np.array_equal(self.shown(codes, 0)[:, index >= 0], frames[:, index >= 0]):
+        inside = index >= 0
+        places, levels = index[inside], frames[:, inside]
+        codes = np.empty((len(frames), self.code[0] * self.code[1]), frames.dtype)
+        codes[:, places] = levels
+        if not np.array_equal(codes[:, places], levels):
             raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
-        return codes
+        return codes.reshape(len(frames), *self.code)
 
     def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of the code under each pixel of the device and its margin."""
+        """Row and column of the code under each pixel of the device and its margin, or of arrays that broadcast."""
         sides = (np.arange(-margin, n + margin, dtype=np.float64) for n in self.device)
-        y, x = np.meshgrid(*sides, indexing="ij")
+        y, x = np.meshgrid(*sides, indexing="ij", sparse=self.affine is None)
         if self.affine is not None:
             matrix = np.array(self.affine)
             y, x = np.einsum("ij,j...->i...", np.linalg.inv(matrix[:, :2]), np.stack((y, x)) - matrix[:, 2, None, None])
@@ -114,8 +116,9 @@ class Placement:
         if self.lattice == "diamond":
             y, x = y / 2, x + 0.5 * (y % 2)
         y, x = (part - self._corner(axis) for axis, part in enumerate((y, x)))
-        turn = radians(self.angle)
-        y, x = np.cos(turn) * y + np.sin(turn) * x, np.cos(turn) * x - np.sin(turn) * y
+        if self.angle != 0:
+            turn = radians(self.angle)
+            y, x = np.cos(turn) * y + np.sin(turn) * x, np.cos(turn) * x - np.sin(turn) * y
         y = -y if "rows" in self.flip else y
         x = -x if "columns" in self.flip else x
         rows, columns = (part / self.macro_pixel + n / 2 for part, n in zip((y, x), self.code, strict=True))
