@@ -25,8 +25,9 @@ KINDS = ("spectral", "light-field", "spectral-depth")
 
 def camera_for(cls, kind, buckets=1):
     if cls.name == "kriging":
-        shown = {"aperture": torch.ones(4, *SIZE), "shutter": "one-hot"}
-        return SpectralCamera(1, SIZE, slots=4, **shown, dispersion=0.0, sensor=SENSOR)
+        size = (7, 11)  # every pixel is predicted from its neighbours again and again
+        shown = {"aperture": torch.ones(4, *size), "shutter": "one-hot"}
+        return SpectralCamera(1, size, slots=4, **shown, dispersion=0.0, sensor=SENSOR)
     if kind == "spectral":
         return SpectralCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR, buckets=buckets)
     if kind == "light-field":
