@@ -81,9 +81,10 @@ def weights_for(kind, buckets=1):
 
 
 def settings_for(cls, kind, buckets=1):
-    """Few iterations, and weights where there is a network."""
+    """Few iterations, small windows, and weights where there is a network."""
     names = {setting.name for setting in fields(cls)}
     few = {"iterations": 3} if "iterations" in names else {}
+    few |= {"window": 4} if "window" in names else {}  # matrices of windows grow with its fourth power
     few |= {"changing": 0.3, "lifetime": 2.0} if "changing" in names else {}  # not looked for
     few |= {"motion": 1.0} if "motion" in names else {}  # the blocks of these priors are small
     return few | ({"weights": weights_for(kind, buckets)} if cls.name == "network" else {})

@@ -17,7 +17,7 @@ from tmca.errors import SettingError
 def test_descent_lowers_the_error_of_binary_codes(kind, relaxed):
     camera, error = designed(kind, 1 if kind == "static" else 3, (3, 4)), tile_error()
     before = error.whole(camera)
-    after = descend(camera, error, Descent(steps=15, relaxed=relaxed))
+    after = descend(camera, error, Descent(steps=30, relaxed=relaxed))
     assert after < before
     assert after == pytest.approx(error.whole(camera))
     assert binary(camera)

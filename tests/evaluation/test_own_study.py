@@ -3,6 +3,7 @@
 import csv
 import json
 import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -54,12 +55,18 @@ class Unfinished(Decoder):
 """
 
 
+@pytest.fixture(scope="module")
+def mug(tmp_path_factory):
+    """The file of a scene."""
+    scene = load_scene("coffee", bands=4, size=(26, 34)).to_dataset(name="radiance")
+    return write_dataset(scene, tmp_path_factory.mktemp("scene") / "mug.nc")
+
+
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def here(mug, tmp_path, monkeypatch):
     """A folder with a scene, a sensor, decoders; the current one."""
     monkeypatch.chdir(tmp_path)
-    scene = load_scene("coffee", bands=4, size=(26, 34)).to_dataset(name="radiance")
-    write_dataset(scene, tmp_path / "mug.nc")
+    shutil.copy(mug, tmp_path)
     (tmp_path / "sensor.yaml").write_text("full_well: 20000\nread_noise_electrons: 4\n")
     (tmp_path / "mine.py").write_text(DECODERS)
     return tmp_path
