@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-import xarray as xr
 from scipy.signal import convolve2d
 
 from tmca.cameras import Snapshot, SpectralDepthCamera
