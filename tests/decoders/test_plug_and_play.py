@@ -63,7 +63,7 @@ def test_variation_plugged_in_leads_to_the_solution_of_admm_tv(joint: bool) -> N
     strength, noise = 30.0, 0.03
     direct = admm_tv(camera, snapshot, strength * noise**2, joint=joint, max_iterations=2000, tolerance=1e-6)
 
-    denoise = tv_denoiser(strength, joint=joint, max_iterations=50)
+    denoise = tv_denoiser(strength, joint=joint, max_iterations=100)
     plugged = pnp_admm(camera, snapshot, denoise, noise_sigma=noise, sigma=0.1, max_iterations=300, tolerance=1e-4)
     misfit = 0.5 * (camera.A(plugged.estimate) - snapshot).square().sum()
     objective = misfit + strength * noise**2 * total_variation(plugged.estimate, joint).sum()

@@ -112,7 +112,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
 
 
 @pytest.mark.slow
-def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, capsys):
+def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, plain_pictures, capsys):
     asked = ("study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger")
     main([*asked, "--bands", "2", "--out", "few"])
     told = "2 of 4 bands (--bands 4 for all)"
