@@ -34,6 +34,11 @@ def examples():
     return [select_bands(rendered_scene(n, size=(96, 96))["radiance"], BANDS) for n in ("astronaut", "chelsea")]
 
 
+@pytest.fixture(scope="module")
+def prior(examples):
+    return learn_prior(examples, extent=BANDS - 1)
+
+
 def small_mixture(examples):
     cubes = [torch.from_numpy(e.values) for e in examples]
     return GaussianMixturePrior.learn(cubes, (6, 18), kinds=4, rank=40, gains=3, samples=4000)
@@ -48,9 +53,9 @@ def psnr_of(estimate, scene):
 
 
 @pytest.mark.parametrize("mixture", [False, True])
-def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, mixture):
+def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, examples, prior, mixture):
     snapshot = simulate(scene, camera_for(scene, slots=4, sensor=Sensor(read_noise=0.01)))
-    prior = small_mixture(examples) if mixture else learn_prior(examples, extent=BANDS - 1)
+    prior = small_mixture(examples) if mixture else prior
     method = "mixture" if mixture else "lmmse"
     found = decode(snapshot, method, prior=prior, uncertainty=True)
     assert psnr_of(found, scene) > psnr_of(decode(snapshot, "dagger"), scene) + 8
@@ -60,17 +65,15 @@ def test_a_prior_beats_the_least_norm_estimate_and_knows_its_error(scene, exampl
     assert 0.3 < rms_measured / rms_predicted < 3
 
 
-def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, examples):
+def test_relay_blur_is_undone_by_admm_and_refused_by_lmmse(scene, prior):
     snapshot = simulate(scene, camera_for(scene, slots=2, relay_blur=0.5))
     assert psnr_of(decode(snapshot, "admm-tv-joint"), scene) > 20
-    prior = learn_prior(examples, extent=BANDS - 1)
     with pytest.raises(SettingError, match=r"relay.blur"):
         decode(snapshot, "lmmse", prior=prior)
 
 
-def test_files_carry_estimate_deviation_and_metrics(scene, examples, tmp_path):
+def test_files_carry_estimate_deviation_and_metrics(scene, prior, tmp_path):
     snapshot = simulate(scene, camera_for(scene))
-    prior = learn_prior(examples, extent=3)
     found = decode(snapshot, "lmmse", prior=prior, uncertainty=True)
     path = found.save(tmp_path / "e.nc")
     with xr.open_dataset(path) as data:

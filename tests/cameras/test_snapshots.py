@@ -38,7 +38,7 @@ CAMERAS = {
 }  # fmt: skip
 
 
-@pytest.fixture(params=sorted(CAMERAS))
+@pytest.fixture(scope="module", params=sorted(CAMERAS))
 def taken(request):
     kind, settings = CAMERAS[request.param]
     camera = kind(**settings, seed=4)
@@ -145,9 +145,8 @@ SPECTRAL, VIEWS = SpectralCamera(bands=3, size=(4, 5), slots=2), LightFieldCamer
     ],
 )  # fmt: skip
 def test_a_file_that_cannot_be_used_is_named_in_one_line(tmp_path, camera, change, words):
-    path = Snapshot(torch.rand(1, *camera.snapshot_shape), camera).save(tmp_path / "s.nc")
-    with xr.open_dataset(path) as dataset:
-        change(dataset.load()).to_netcdf(tmp_path / "changed.nc", engine="h5netcdf")
+    whole = Snapshot(torch.rand(1, *camera.snapshot_shape), camera).to_xarray()
+    change(whole).to_netcdf(tmp_path / "changed.nc", engine="h5netcdf")
     with pytest.raises(DataError, match=words) as caught:
         Snapshot.load(tmp_path / "changed.nc")
     assert "changed.nc" in str(caught.value)

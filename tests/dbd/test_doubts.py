@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -85,12 +86,18 @@ def scene(bandwidth, targets, seed=0, snr_db=20):
 THREE = ((0.09, 0.12, 1), (0.25, 0.62, 0.8j), (0.44, 0.84, -0.7))
 
 
+@cache
+def of_another_pulse(share, known):
+    """What is told where the pulse has a share of the bandwidth."""
+    problem = scene(4e6, THREE)
+    wrong = scene(4e6 * share, THREE).sources
+    return told(replace(problem, sources=wrong, sigma=problem.sigma if known else None))
+
+
 @pytest.mark.parametrize("known", [True, False])
 @pytest.mark.parametrize("share", [0.5, 0.875, pytest.param(2, marks=pytest.mark.slow)])
 def test_another_pulse_than_the_one_that_was_given_is_suspected(share, known):
-    problem = scene(4e6, THREE)
-    wrong = replace(problem, sources=scene(4e6 * share, THREE).sources, sigma=problem.sigma if known else None)
-    recovery, [line] = told(wrong)
+    recovery, [line] = of_another_pulse(share, known)
     assert "3 with another pulse explain 99." in line
     assert line.endswith("is the pulse of radar right?")
     assert not recovery.found
@@ -112,8 +119,7 @@ def test_targets_of_one_velocity_are_left_alone_with_the_right_pulse(targets, kn
 
 
 def test_the_verdict_on_a_doubtful_recovery_comes_first_and_whole():
-    problem = scene(4e6, THREE)
-    recovery, [line] = told(replace(problem, sources=scene(2e6, THREE).sources))
+    recovery, [line] = of_another_pulse(0.5, True)
     assert recovery_lines(recovery)[0].startswith(f"found: no, {line}")
     assert line in repr(recovery)
     title = " ".join(recovery.plot().get_suptitle().split())

@@ -102,6 +102,12 @@ def test_archives_without_samples_are_named(tmp_path, content):
     assert caught.value.where == str(tmp_path / "x.npz")
 
 
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """What the file of a problem holds."""
+    return xr.load_dataset(save_problem(plain(), tmp_path_factory.mktemp("problem") / "p.nc"), engine="h5netcdf")
+
+
 @pytest.mark.parametrize(
     ("broken", "error"),
     [
@@ -113,8 +119,7 @@ def test_archives_without_samples_are_named(tmp_path, content):
         (lambda stored: stored.assign(message_0=stored["message_0"] + 1), SettingError),
     ],
 )
-def test_broken_problems_are_named(tmp_path, broken, error):
-    stored = xr.load_dataset(save_problem(plain(), tmp_path / "p.nc"), engine="h5netcdf")
+def test_broken_problems_are_named(tmp_path, stored, broken, error):
     broken(stored).to_netcdf(tmp_path / "q.nc", engine="h5netcdf")
     with pytest.raises(error) as caught:
         load_problem(tmp_path / "q.nc")

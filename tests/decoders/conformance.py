@@ -25,8 +25,9 @@ KINDS = ("spectral", "light-field", "spectral-depth")
 
 def camera_for(cls, kind, buckets=1):
     if cls.name == "kriging":
-        shown = {"aperture": torch.ones(4, *SIZE), "shutter": "one-hot"}
-        return SpectralCamera(1, SIZE, slots=4, **shown, dispersion=0.0, sensor=SENSOR)
+        size = (7, 11)  # every pixel is predicted from its neighbours again and again
+        shown = {"aperture": torch.ones(4, *size), "shutter": "one-hot"}
+        return SpectralCamera(1, size, slots=4, **shown, dispersion=0.0, sensor=SENSOR)
     if kind == "spectral":
         return SpectralCamera(3, SIZE, slots=2, seed=1, sensor=SENSOR, buckets=buckets)
     if kind == "light-field":
@@ -80,9 +81,10 @@ def weights_for(kind, buckets=1):
 
 
 def settings_for(cls, kind, buckets=1):
-    """Few iterations, and weights where there is a network."""
+    """Few iterations, small windows, and weights where there is a network."""
     names = {setting.name for setting in fields(cls)}
     few = {"iterations": 3} if "iterations" in names else {}
+    few |= {"window": 4} if "window" in names else {}  # matrices of windows grow with its fourth power
     few |= {"changing": 0.3, "lifetime": 2.0} if "changing" in names else {}  # not looked for
     few |= {"motion": 1.0} if "motion" in names else {}  # the blocks of these priors are small
     return few | ({"weights": weights_for(kind, buckets)} if cls.name == "network" else {})

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from warnings import catch_warnings, simplefilter
 
 import pytest
@@ -23,6 +24,7 @@ CAMERA = SpectralCamera(
 )
 
 
+@cache
 def taken():
     prior = GaussianPrior.learn([smooth_scene(40, 50, 3, seed=1)], (6, 12))
     return Snapshot(CAMERA(smooth_scene(*CAMERA.size, 3, seed=2).float()[None], generator=0), CAMERA), prior
@@ -31,6 +33,21 @@ def taken():
 def by_bank(path, snapshot=None, prior=None, **settings):
     usual = taken()
     return decode(snapshot or usual[0], "lmmse", prior=prior or usual[1], bank=path, uncertainty=True, **settings)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """An estimate by a bank, and what is in the bank's file."""
+    path = tmp_path_factory.mktemp("bank") / "b.safetensors"
+    return by_bank(path), path.read_bytes()
+
+
+@pytest.fixture
+def path(written, tmp_path):
+    """A file of this bank."""
+    file = tmp_path / "b.safetensors"
+    file.write_bytes(written[1])
+    return file
 
 
 def test_a_bank_in_a_file_decodes_as_the_one_that_was_computed(tmp_path, monkeypatch):
@@ -46,10 +63,8 @@ def test_a_bank_in_a_file_decodes_as_the_one_that_was_computed(tmp_path, monkeyp
     assert path.stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
-def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(tmp_path):
-    path, (snapshot, _) = tmp_path / "b.safetensors", taken()
-    by_bank(path)
-    before = path.read_bytes()
+def test_a_bank_of_another_camera_noise_or_prior_is_refused_and_stays(path):
+    snapshot, before = taken()[0], path.read_bytes()
     other = [
         {"snapshot": replace(snapshot, camera=snapshot.camera.replace(seed=1))},
         {"snapshot": replace(snapshot, camera=snapshot.camera.replace(sensor=Sensor(read_noise=0.02)))},
@@ -115,18 +130,15 @@ CHANGES = {
 }
 
 
-def test_a_bank_that_was_written_by_other_software_is_read(tmp_path, recwarn):
-    path = tmp_path / "b.safetensors"
-    first = by_bank(path)
+def test_a_bank_that_was_written_by_other_software_is_read(written, path, recwarn):
     rewritten(path, lambda tensors: None)
-    assert torch.equal(first.values, by_bank(path).values)
+    assert torch.equal(written[0].values, by_bank(path).values)
     assert not [warning for warning in recwarn if warning.category is DamagedBank]
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_a_bank_whose_parts_do_not_go_together_is_made_anew(tmp_path, change):
-    path = tmp_path / "b.safetensors"
-    first = by_bank(path)
+def test_a_bank_whose_parts_do_not_go_together_is_made_anew(written, path, change):
+    first = written[0]
     rewritten(path, change)
     with pytest.warns(DamagedBank, match="made anew"):
         again = by_bank(path)
@@ -142,10 +154,8 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES)
-def test_a_damaged_file_is_made_anew(tmp_path, damage):
-    path = tmp_path / "b.safetensors"
-    first = by_bank(path)
-    content = path.read_bytes()
+def test_a_damaged_file_is_made_anew(written, path, damage):
+    first, content = written
     path.write_bytes(damage(content))
     with pytest.warns(DamagedBank, match="made anew"):
         assert torch.equal(first.values, by_bank(path).values)
@@ -154,10 +164,9 @@ def test_a_damaged_file_is_made_anew(tmp_path, damage):
         assert torch.equal(first.values, by_bank(path).values)
 
 
-def test_a_code_with_other_last_bits_is_the_same(tmp_path):
-    path, (snapshot, prior) = tmp_path / "b.safetensors", taken()
+def test_a_code_with_other_last_bits_is_the_same(path):
+    snapshot, prior = taken()
     taps = snapshot.camera.taps()
-    by_bank(path)
     near = replace(taps, code=taps.code * (1 + 1e-7))
     assert PatchEstimator(prior, near, snapshot.camera.noise).precompute(path).bank is not None
     with pytest.raises(DataError, match="another camera"):

@@ -176,7 +176,7 @@ def test_the_derivative_by_the_code_is_that_of_finite_differences(name, dispersi
 @pytest.mark.parametrize("kind", ["adjoint", "dagger"])
 @pytest.mark.parametrize("dispersion", [1.0, 0.5, [0.0, 1.5, -0.7]])
 def test_the_first_estimate_is_differentiable_in_the_code(kind, dispersion):
-    operator = operator_of(size=(3, 5), dtype=torch.float64, dispersion=dispersion)
+    operator = operator_of(size=(2, 4), dtype=torch.float64, dispersion=dispersion)
     snapshot = operator.A(scenes(operator, 1))
 
     def estimate(code):

@@ -1,6 +1,7 @@
 """What is computed once, a bank of matrices or the factors of all blocks, gives what solving every frame gives."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 import torch
@@ -38,6 +39,7 @@ def kept(request):
     return request.param
 
 
+@cache
 def prior_of(channels):
     return GaussianPrior.learn([smooth_scene(40, 50, channels, seed=1)], (6, 12))
 

@@ -15,7 +15,7 @@ from tmca.errors import SettingError
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("relaxed", [False, True])
 def test_descent_lowers_the_error_of_binary_codes(kind, relaxed):
-    camera, error = designed(kind, 1 if kind == "static" else 3), tile_error()
+    camera, error = designed(kind, 1 if kind == "static" else 3, (3, 4)), tile_error()
     before = error.whole(camera)
     after = descend(camera, error, Descent(steps=30, relaxed=relaxed))
     assert after < before
@@ -25,7 +25,7 @@ def test_descent_lowers_the_error_of_binary_codes(kind, relaxed):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_flips_lower_the_error_and_keep_the_structure(kind):
-    camera, error = designed(kind, 1 if kind == "static" else 4), tile_error(0.02, 0.01)
+    camera, error = designed(kind, 1 if kind == "static" else 4, (3, 4)), tile_error(0.02, 0.01)
     before = TileState.of(camera, error).value
     after = flip_greedily(camera, error, batch=7)
     assert after < before

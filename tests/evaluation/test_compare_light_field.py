@@ -162,7 +162,7 @@ FEW = {  # views and pixels
     "reading": {"views": 3, "frame": (24, 28), "crop": (12, 12)},
     "codes": {
         "drawn": {"camera": {"slots": 2}},
-        "searched": {"camera": {"slots": 2}, "search": {"kind": "free", "slots": 2, "noise": "some"}},
+        "searched": {"camera": {"slots": 2}, "search": {"kind": "one-hot", "slots": 2, "noise": "some"}},
     },
     "noises": {"some": {"read_noise": 0.02}}, "decoders": ["tikhonov"],
     "shown": [["drawn", "tikhonov"]], "shown_noise": "some",

@@ -3,6 +3,7 @@
 import csv
 import json
 import shlex
+import shutil
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 from tmca.evaluation.tables import latex_table, made_by
 from tmca.lab.decoder_files import decoders_named
+from tmca.plots.style import blank_figure
 
 DECODERS = """
 import torch
@@ -53,15 +55,27 @@ class Unfinished(Decoder):
 """
 
 
+@pytest.fixture(scope="module")
+def mug(tmp_path_factory):
+    """The file of a scene."""
+    scene = load_scene("coffee", bands=4, size=(26, 34)).to_dataset(name="radiance")
+    return write_dataset(scene, tmp_path_factory.mktemp("scene") / "mug.nc")
+
+
 @pytest.fixture
-def here(tmp_path, monkeypatch):
+def here(mug, tmp_path, monkeypatch):
     """A folder with a scene, a sensor, decoders; the current one."""
     monkeypatch.chdir(tmp_path)
-    scene = load_scene("coffee", bands=4, size=(26, 34)).to_dataset(name="radiance")
-    write_dataset(scene, tmp_path / "mug.nc")
+    shutil.copy(mug, tmp_path)
     (tmp_path / "sensor.yaml").write_text("full_well: 20000\nread_noise_electrons: 4\n")
     (tmp_path / "mine.py").write_text(DECODERS)
     return tmp_path
+
+
+@pytest.fixture
+def plain_pictures(monkeypatch):
+    """Scenes are drawn as an empty figure, where what is drawn does not matter."""
+    monkeypatch.setattr("tmca.evaluation.paper.scene_figure", lambda *_: blank_figure(1.0, 1.0))
 
 
 def test_options_say_what_a_yaml_says(here, capsys):
@@ -72,7 +86,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
         "camera": "spectral", "scenes": {"test": ["mug.nc"]}, "reading": {"bands": 4, "size": [20, 24]},
         "codes": {"cassi": {"camera": {"slots": 1, "aperture": "static", "shutter": "open"}},
                   "two-bucket": {"camera": {"slots": 4, "shutter": "balanced", "buckets": 2}}},
-        "noises": {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}, "decoders": ["dagger"],
+        "noises": {"sensor": {"full_well": 20000, "read_noise_electrons": 4}}, "decoders": ["dagger"], "figure": False,
     }  # fmt: skip
     (here / "same.yaml").write_text(yaml.safe_dump(described))
     main(["study", "same.yaml", "--json"])
@@ -98,7 +112,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
 
 
 @pytest.mark.slow
-def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, capsys):
+def test_bands_that_are_left_out_are_said_in_the_terminal_and_on_the_pages(here, plain_pictures, capsys):
     asked = ("study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger")
     main([*asked, "--bands", "2", "--out", "few"])
     told = "2 of 4 bands (--bands 4 for all)"
@@ -116,7 +130,7 @@ def test_a_page_says_the_command_and_where_there_is_one_the_commit(command, comm
     assert made_by({"command": command, "commit": commit}) == told
 
 
-def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
+def test_decoders_that_fail_are_named_and_the_others_go_on(here, plain_pictures, capsys):
     named = ",".join(f"mine.py:{name}" for name in ("Scaled", "Raises", "Narrow", "Unfinished"))
     with pytest.raises(SystemExit):
         main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named])
@@ -143,7 +157,7 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, capsys):
     assert "2 of 4 cells failed (mug · cassi · noise-free · Narrow" in capsys.readouterr().err
 
 
-def test_a_row_that_lacks_scenes_says_so_everywhere(here, capsys):
+def test_a_row_that_lacks_scenes_says_so_everywhere(here, plain_pictures, capsys):
     scene = read_dataset("mug.nc", ())
     write_dataset(scene.assign(radiance=0 * scene["radiance"] + 0.9), here / "white.nc")
     with pytest.raises(SystemExit):
@@ -200,7 +214,7 @@ def test_the_remedy_of_code_in_a_file_works_when_it_is_pasted(here, capsys):
     assert asked.decoders[0] in asked.options
 
 
-def test_classes_of_one_name_from_two_files_have_names_of_their_own(here, capsys):
+def test_classes_of_one_name_from_two_files_have_names_of_their_own(here, plain_pictures, capsys):
     (here / "twice.py").write_text(DECODERS.replace("0.1", "0.2"))
     named = "mine.py:Scaled,twice.py:Scaled"
     main(["study", "mug.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", named, "--json"])
@@ -332,7 +346,7 @@ def other_bands(file, first, last, count):
 
 
 @pytest.mark.filterwarnings("always::tmca.data.in_memory.SceneWarning")
-def test_cubes_beyond_the_visible_are_measured_over_the_range_that_all_cover(here, capsys):
+def test_cubes_beyond_the_visible_are_measured_over_the_range_that_all_cover(here, plain_pictures, capsys):
     other_bands("nir.nc", 700, 1000, 7)
     other_bands("far.nc", 800, 1100, 7)
     asked = ("study", "nir.nc", "far.nc", "--crop", "20x24", "--codes", "cassi", "--decoders", "dagger", "--json")

@@ -152,9 +152,9 @@ def test_a_window_is_the_camera_of_a_scene_that_is_dark_around_it(kind, name):
 def test_gradients_to_scene_codes_and_response(kind, name):
     dispersion = Dispersion(DISPERSIONS[name])
     near, wide = (
-        p.requires_grad_() for p in (torch.rand(2, 2, 3).double(), torch.rand(2, 2, 3 + dispersion.extent).double())
+        p.requires_grad_() for p in (torch.rand(2, 1, 3).double(), torch.rand(2, 1, 3 + dispersion.extent).double())
     )
-    scene = torch.rand(2, 4, 2, 3, dtype=torch.float64, requires_grad=True)
+    scene = torch.rand(2, 4, 1, 3, dtype=torch.float64, requires_grad=True)
     kappa = KAPPA.clone().requires_grad_()
 
     def snapshot(scene, near, wide, kappa):

@@ -1,5 +1,7 @@
 """Every kind of prior: learned, sampled, drawn, saved, read back, and checked against a camera."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import torch
@@ -22,7 +24,7 @@ def examples(channels):
     return [torch.rand(channels, side, side + 3, generator=source) for side in (22, 25)]
 
 
-def learned(kind):
+def anew(kind):
     """A prior of cubes, or of views where it is of these alone."""
     if Prior.kinds[kind].of_views:
         return Prior.kinds[kind].learn(
@@ -30,6 +32,9 @@ def learned(kind):
         )
     about = {"wavelengths": WAVELENGTHS, "sources": ["one", "other"]}
     return Prior.kinds[kind].learn(examples(BANDS), (3, 5), **about, **SMALL.get(kind, {}))
+
+
+learned = cache(anew)
 
 
 def check_it_comes_back(prior, path):
@@ -73,7 +78,7 @@ def test_it_is_drawn_and_says_what_it_is(kind):
     assert prior.called.split()[0] in ("a", "an")
     assert set(prior.arrays()) <= set(prior.dimensions)
     assert prior.to("cpu") is prior
-    assert prior != learned(kind)
+    assert prior != anew(kind)
     assert len(repr(prior)) < 300
 
 

@@ -30,7 +30,7 @@ def test_a_step_has_its_own_faults_within_their_ranges():
 
 @pytest.mark.parametrize("learn", ["none", "both"])
 def test_a_run_sees_snapshots_with_faults(tmp_path, learn):
-    common = {"optimiser.steps": 4, "camera.learn": learn}
+    common = {"optimiser.steps": 2, "camera.learn": learn}
     tiny.train(tmp_path / "perfect", **common)
     tiny.train(tmp_path / "none", **common, faults={})
     found = tiny.train(tmp_path / "faulty", **common, faults={"misregistration": [-1, 1], "hot_pixels": 0.01})
@@ -42,13 +42,20 @@ def test_a_run_sees_snapshots_with_faults(tmp_path, learn):
     }
 
 
+@pytest.fixture(scope="module", params=[0.0, 2.0])
+def perfect(request, tmp_path_factory):
+    """Settings of a run of moving scenes, and its losses without faults."""
+    folder = tmp_path_factory.mktemp("perfect") / "run"
+    common = {"optimiser.steps": 2, "camera.learn": "both", "data.motion": request.param}
+    tiny.train(folder, **common)
+    return common, losses(folder)
+
+
 @pytest.mark.parametrize("fault", ["dispersion_error", "blur"])
-@pytest.mark.parametrize("motion", [0.0, 2.0])
-def test_codes_learn_behind_another_prism_and_a_relay_that_blurs(tmp_path, fault, motion):
-    common = {"optimiser.steps": 2, "camera.learn": "both", "data.motion": motion}
-    tiny.train(tmp_path / "perfect", **common)
+def test_codes_learn_behind_another_prism_and_a_relay_that_blurs(tmp_path, fault, perfect):
+    common, without = perfect
     tiny.train(tmp_path / "faulty", **common, faults={fault: 0.6})
-    assert losses(tmp_path / "faulty") != losses(tmp_path / "perfect")
+    assert losses(tmp_path / "faulty") != without
 
 
 @pytest.mark.slow

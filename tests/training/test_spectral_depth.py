@@ -67,7 +67,7 @@ def train(folder, progress=None, **changes):
 
 
 def test_a_short_run_lowers_the_loss_and_its_weights_decode(tmp_path):
-    found = train(tmp_path, **{"optimiser.steps": 60, "optimiser.decoder_rate": 0.01, "validate_every": 10})
+    found = train(tmp_path, **{"optimiser.steps": 30, "optimiser.decoder_rate": 0.02, "validate_every": 10})
     score = tiny.logged(tmp_path, "score")
     assert max(score) > score[0] + 0.01
     assert found.best["score"] == pytest.approx(max(score), rel=1e-4)
@@ -286,7 +286,7 @@ def test_impossible_settings_are_named(tmp_path, changes, said):
 def test_codes_learn_depth_from_the_likelihood_alone_if_the_network_sees_none(tmp_path):
     changes = {"camera.learn": ["mask"], "optimiser.depth_weight": 0.0, "codes.frozen": 0.0, "optimiser.steps": 2}
     heights = {}
-    for weight in (0.0, 1.0, 10.0):
+    for weight in (0.0, 1.0):
         folder = tmp_path / str(weight)
         weights = train(folder, **changes, **{"optimiser.likelihood_weight": weight, "validate_every": 2}).weights
         heights[weight] = Weights.load(weights).camera.point_spread.heights().detach()
