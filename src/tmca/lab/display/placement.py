@@ -99,7 +99,7 @@ class Placement:
         index = self.index()
         inside = index >= 0
         places, levels = index[inside], frames[:, inside]
-        codes = np.empty((len(frames), self.code[0] * self.code[1]), frames.dtype)
+        codes = np.zeros((len(frames), self.code[0] * self.code[1]), frames.dtype)
         codes[:, places] = levels
         if not np.array_equal(codes[:, places], levels):
             raise DataError(where, "device pixels of one code pixel that differ", "equal ones", "export it again")
