@@ -23,8 +23,10 @@ SHRUNK = {
     "64x80": "32x40",
     "64x64": "32x32",
     "--steps 5": "--steps 2",
+    "--slots 2 --period 8": "--slots 2 --period 4",
+    "astronaut chelsea rocket": "chelsea rocket",
 }
-"""Crops and steps of the tour, and what its tests take in their place."""
+"""Crops, steps, tile and scenes of the tour, and what its tests take in their place."""
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
 
 
