@@ -163,8 +163,8 @@ def test_impossible_studies_are_refused(tmp_path):
 
 
 def test_a_design_is_searched_once(files, folder, tmp_path, monkeypatch):
-    first = _first_cell([files[name] for name in SCENES], folder / "work", 3, (4, 6), Effort(2, 2, 0))
-    cell = replace(first, sensor={"read_noise": 0.01}, designs=str(tmp_path))
+    base = _first_cell([files[name] for name in SCENES], folder / "work", 3, (4, 6), Effort(2, 2, 0))
+    cell = replace(base, sensor={"read_noise": 0.01}, designs=str(tmp_path))
     first = task_of(cell).design("free", 2)
     monkeypatch.setattr("tmca.design.task.search", None)
     again = task_of(cell).design("free", 2)
