@@ -73,7 +73,8 @@ def test_codes_and_network_are_trained_and_used(tmp_path, capsys, monkeypatch):
     camera = "camera={views: 3, size: [24, 24], slots: 2, period: 6, learn: both}"
     decoder = "decoder={kind: spatial-angular, start: dagger, stages: 1, width: 4, blocks: 1}"
     tune = ["--set", camera, "--set", decoder, "--set", "data.patch=16", "--set", "data.batch=2"]
-    main(["train", "light-field", "--train", "rocket", "--steps", "2", "--out", "run", *tune])
+    load_light_field("rocket", views=3, size=(40, 44)).to_dataset(name="light_field").to_netcdf("rocket.nc")
+    main(["train", "light-field", "--train", "rocket.nc", "--steps", "2", "--out", "run", *tune])
     weights = Weights.load("run")
     assert weights.kind == "light-field"
     assert weights.camera_for((30, 40)).views == (3, 3)

@@ -30,7 +30,7 @@ def small(codes=None, **changes):
         {"likelihood": {"window": 8}},
         {"searched": 4, "effort": {"starts": 1, "steps": 1}},
     )
-    about["train"]["settings"]["data"]["patch"], about["train"]["steps"] = 32, 2
+    about["train"]["settings"]["data"]["patch"], about["train"]["steps"] = 32, 1
     if codes:
         about["codes"][codes[0]]["train"] = False
     return checked_study(about, "small").with_(**changes)
@@ -59,7 +59,7 @@ def compare(tmp_path, scenes, **how):
 
 
 @pytest.mark.slow
-def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
+def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes, monkeypatch):
     begun = []
     found = compare(tmp_path, scenes, progress=lambda done, total, name, left: begun.append(name))
     assert begun[0] == "gaussian prior"
@@ -91,6 +91,7 @@ def test_every_code_noise_and_decoder_has_a_row(tmp_path, scenes):
     fitted = 0.5 + 2.0 * (inverse - inverse.min()) / np.ptp(inverse)  # affine in inverse metres, onto 0.4 to 2 m
     middle = 1 / fitted[18:50, 18:54]
     assert guess["depth_mae"] == pytest.approx(float(np.abs(middle - 2 / 3).mean()), rel=1e-3)
+    monkeypatch.setattr("tmca.evaluation.run.write_pictures", lambda *results, **how: None)
     told = []
     compare(tmp_path, scenes, overwrite=True, progress=lambda done, total, name, left: told.append(name))
     assert not told  # all cells were kept

@@ -23,9 +23,9 @@ from tmca.operators import TapOperator, Taps
 SIZE, BANDS = (24, 21), 4
 
 
-def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0, bands=BANDS):
+def written_weights(folder, start="dagger", kind="unrolled", dispersion=1.0, bands=BANDS, stages=2):
     torch.manual_seed(0)
-    settings = {"stages": 2, "blocks": 1} if kind == "unrolled" else {}
+    settings = {"stages": stages, "blocks": 1} if kind == "unrolled" else {}
     network = build_network(kind, bands=bands, start=start, widths=(8, 8), **settings)
     for parameter in network.parameters():  # an untrained one returns its start
         torch.nn.init.normal_(parameter, 0.0, 0.05)
@@ -115,7 +115,7 @@ def test_onnx_is_the_network_too(tmp_path, caplog, start):
 
 @pytest.mark.slow
 def test_a_start_by_conjugate_gradients_is_exported_too(tmp_path):
-    file = written_weights(tmp_path, start="tikhonov")
+    file = written_weights(tmp_path, start="tikhonov", bands=2, stages=1)
     found = export_decoder(file, tmp_path / "out", ("torch",))
     assert found[0].error < 1e-4
     assert check_decoder(tmp_path / "out", file)[0].error < 1e-4

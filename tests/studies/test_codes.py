@@ -13,22 +13,25 @@ from studies.codes import study as studied
 from studies.codes.figures import study_figures
 from studies.codes.records import Cell
 from studies.codes.searches import task_of
-from studies.codes.study import CORNERS, _first_cell, sensors, study_codes
+from studies.codes.study import _first_cell, sensors, study_codes
 from studies.codes.tables import scene_rows, study_markdown
 from studies.codes.tables import test_rows as rows_of_tests
 from tmca.data import load_scene, rendered_scene, select_bands, write_dataset
 from tmca.design import Effort
 from tmca.errors import OutputError, SettingError
+from tmca.priors import GaussianMixturePrior
 
 pytestmark = pytest.mark.slow
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
-SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 3, 20), "test_slots": 2}
+SMALL = {"bands": 3, "slots": [2], "period": (4, 6), "effort": Effort(2, 1, 10), "test_slots": 2}
 SCENES = ["tissue", "rocket"]
 RANKED = (
     "static, 20% open", "static, designed", "random K = 2", "one-hot K = 2, designed", "free K = 2, designed",
     "blue noise K = 4", "complementary K = 4", "S-matrix K = 7",
 )  # fmt: skip
 """A code of every family."""
+CORNERS = {name: studied.CORNERS[name] for name in ("σ = 0.01", "10 000 e⁻ full well, 3 e⁻ read noise")}
+FEW = {"kinds": 2, "rank": 10, "gains": 2, "samples": 1000}
 
 
 @pytest.fixture(scope="module")
@@ -37,13 +40,17 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_noises_and_small_scenes():
+def few_noises_and_small_scenes(files):
+    learn = GaussianMixturePrior.learn
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ranks, "SIZE", (48, 48))
         patch.setattr(studied, "READ_NOISES", (0.001, 0.01))
         patch.setattr(studied, "FULL_WELLS", (1e4,))
+        patch.setattr(studied, "CORNERS", CORNERS)
+        patch.setattr(studied, "_RANKED_NOISES", ("σ = 0.01",))
         patch.setattr(studied, "RANKED", {name: ranks.RANKED[name] for name in RANKED})
-        patch.setattr(studied, "split_rendered", lambda: {"train": [*SCENES, "chelsea"]})
+        patch.setattr(studied, "split_rendered", lambda: {"train": [files["chelsea"]]})
+        patch.setattr(GaussianMixturePrior, "learn", lambda *given, **how: learn(*given, **how | FEW))
         patch.setitem(lacking.INGREDIENTS, "free, one descent, tile of 32×48", lacking._of_period(12, 12))
         yield
 
@@ -60,8 +67,8 @@ def files(folder):
     """Small scenes, by name."""
     made, place = {}, folder / "scenes"
     place.mkdir()
-    for name in (*SCENES, "coffee"):
-        scene = rendered_scene(name, size=(96, 96))["radiance"]
+    for name in (*SCENES, "chelsea", "coffee"):
+        scene = rendered_scene(name, size=(64, 64))["radiance"]
         made[name] = str(write_dataset(select_bands(scene, 3), place / f"{name}.nc"))
     return made
 
@@ -154,13 +161,9 @@ def test_impossible_studies_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def _small_cell(files, tmp_path):
-    first = _first_cell([files[name] for name in SCENES], tmp_path, 3, (4, 6), Effort(2, 2, 0))
-    return replace(first, sensor={"read_noise": 0.01})
-
-
-def test_a_design_is_searched_once(files, tmp_path, monkeypatch):
-    cell = _small_cell(files, tmp_path)
+def test_a_design_is_searched_once(files, folder, tmp_path, monkeypatch):
+    base = _first_cell([files[name] for name in SCENES], folder / "work", 3, (4, 6), Effort(2, 2, 0))
+    cell = replace(base, sensor={"read_noise": 0.01}, designs=str(tmp_path))
     first = task_of(cell).design("free", 2)
     monkeypatch.setattr("tmca.design.task.search", None)
     again = task_of(cell).design("free", 2)

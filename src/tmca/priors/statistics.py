@@ -102,9 +102,8 @@ def _products(cube: Tensor, frame: tuple[int, int], reach: tuple[Tensor, Tensor]
     """(L, L, rows, columns) sums of the products of pixels, by displacement, of a cube that begins anew after a frame,
     dark where it does not fill it."""
     spectrum, (rows, columns) = torch.fft.rfft2(cube, s=frame), reach
-    return torch.stack(
-        [torch.fft.irfft2(spectrum * one.conj(), s=frame)[:, rows[:, None], columns] for one in spectrum]
-    )
+    bands = [torch.fft.ifft(spectrum * one.conj(), dim=-2)[:, rows] for one in spectrum]  # of all rows, those in reach
+    return torch.stack([torch.fft.irfft(band, n=frame[1])[:, :, columns] for band in bands])
 
 
 def _symmetric(values: Tensor, mirrors: list[tuple[int, ...]], exchange: list[int] | None) -> Tensor:
