@@ -37,6 +37,7 @@ def run(arguments, folder):
 def test_the_tour_has_commands():
     assert len(BASH) >= 8
     assert len(PYTHON) >= 1
+    assert all(any(large in line for line in BASH) for large in SHRUNK)
 
 
 def written_by(line):
