@@ -14,6 +14,8 @@ _STEPS = 4
 """Of the iteration for waves: each leaves a share ``(|v|+|u|)·slope of the waves`` of the error."""
 _MARGIN = 1.0
 """Pixels around where a surface can be seen, more than the iteration errs."""
+_AT_ONCE = 1 << 16
+"""Points that are rendered at once: they stay in the processor's cache."""
 STEEPEST = 0.04
 """Largest change of disparity per px over a surface; by waves at most half of it."""
 
@@ -154,15 +156,26 @@ def render_view(
     """
     offsets = (np.arange(samples) + 0.5) / samples - 0.5
     rows, columns = ((np.arange(n)[:, None] + offsets).ravel() for n in size)
-    channels = len(surfaces[0].texture.samples)
+    height = samples * max(1, _AT_ONCE // (samples * len(columns)))
+    bands = np.split(rows, range(height, len(rows), height))
+    parts = [_render_rows(surfaces, v, u, band, columns, samples) for band in bands]
+    return np.concatenate([view for view, _ in parts], axis=1), np.concatenate([shown for _, shown in parts])
+
+
+def _render_rows(
+    surfaces: list[Surface], v: float, u: float, rows: Array, columns: Array, samples: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Pixels and disparity of some rows of a view's points."""
     y, x, owner, disparity = _nearest(surfaces, v, u, rows, columns)
-    values = np.empty((channels, *owner.shape), dtype=np.float32)
-    for number, surface in enumerate(surfaces):
+    channels, (height, width) = len(surfaces[0].texture.samples), owner.shape
+    values = np.empty((channels, height, width), dtype=np.float32)
+    for number in np.unique(owner):
         shown = owner == number
-        values[:, shown] = surface.texture(y[shown], x[shown])
-    blocks = values.reshape(channels, size[0], samples, size[1], samples).mean(axis=(2, 4), dtype=np.float32)
+        values[:, shown] = surfaces[number].texture(y[shown], x[shown])
+    pixels = values.reshape(channels, height // samples, samples, width // samples, samples)
     middle = samples // 2
-    return np.asarray(blocks), disparity[middle::samples, middle::samples].astype(np.float32)
+    centres = disparity[middle::samples, middle::samples].astype(np.float32)
+    return np.asarray(pixels.mean(axis=(2, 4), dtype=np.float32)), centres
 
 
 def _nearest(
