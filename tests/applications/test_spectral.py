@@ -131,6 +131,7 @@ def test_learned_codes_of_the_demo_come_with_their_network():
 @pytest.mark.slow
 def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("tmca.priors.finding._VIEWS_SIZE", (40, 48))
+    monkeypatch.setattr("tmca.priors.finding._SIZE", (96, 96))
     main(["demo", "--size", "40x48", "--jobs", "1", "--json", "--out", str(tmp_path / "demo")])
     found = json.loads(capsys.readouterr().out)
     assert len(found["rows"]) == 10

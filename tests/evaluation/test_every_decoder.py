@@ -13,6 +13,7 @@ from tmca.errors import SettingError
 from tmca.evaluation.run import Plan, run_study
 from tmca.evaluation.study import checked_study, read_study
 from tmca.evaluation.sweep import Sweep, run_sweep
+from tmca.priors import PatchDictionary
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight", "ignore::tmca.optics.Undersampled")
 KINDS = ("spectral", "light-field", "spectral-depth")
@@ -106,7 +107,8 @@ def test_the_network_needs_weights(kind, tmp_path):
 @pytest.mark.usefixtures("small_mixtures")
 @pytest.mark.filterwarnings("ignore::tmca.decoders.OtherCodes")
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_decoder_is_measured(kind, tmp_path):
+def test_every_decoder_is_measured(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(PatchDictionary, "settings_of_views", {"atoms": 40})
     scenes, weights = scenes_of(kind, tmp_path), weights_of(kind, tmp_path)
     found = run_study(with_search(study_of(kind, scenes, weights)), tmp_path / "out", tmp_path / "work")
     levels = {row["decoder"]: row["psnr"] for row in (*found["rows"], *found.get("crop_rows", ()))}
