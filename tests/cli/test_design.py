@@ -56,7 +56,6 @@ def refused(capsys, *arguments):
     return refusals.refused(capsys, "design", "spectral", *arguments, lines=None)
 
 
-@pytest.mark.slow
 def test_the_page_names_codes_that_were_left_out(capsys):
     left_out = "cannot let through 90% of the light: one-hot, K = 2."
     how = ("--kinds", "one-hot", "--throughput", "0.9", "--out", "d")
