@@ -48,7 +48,7 @@ FLOORS = {
     "adapters": 10,
 }
 ALONE = {
-    "data": {"errors", "arguments", "attributes", "text_files"},
+    "data": {"errors", "arguments", "attributes", "text_files", "plugins"},
     "metrics": {"errors", "arguments"},
     "plots": {"errors", "data", "metrics"},
     "dbd": {"errors", "attributes", "yaml_files", "summaries", "progress", "data", "plots"},

@@ -76,6 +76,20 @@ def test_files_of_two_folders_import_their_own_module_of_one_name(tmp_path):
     assert [lamp.level for lamp in lamps] == [3, 4]
 
 
+def test_packages_of_an_environment_below_the_folder_are_not_beside_a_file(file, tmp_path, monkeypatch):
+    packages = tmp_path / ".venv" / "lib"
+    packages.mkdir(parents=True)
+    (packages / "installed_there.py").write_text("")
+    (tmp_path / "beside_it.py").write_text("")
+    monkeypatch.syspath_prepend(str(packages))
+    file.write_text("import installed_there, beside_it\nclass Lamp:\n    pass\n")
+    class_from_file(f"{file}:Lamp", object, "--device")
+    (tmp_path / "other.py").write_text("class Lamp:\n    pass\n")
+    class_from_file(f"{tmp_path / 'other.py'}:Lamp", object, "--device")
+    assert {"installed_there", "beside_it"} & {*sys.modules} == {"installed_there"}
+    sys.modules.pop("installed_there")
+
+
 def test_an_edited_module_beside_a_file_makes_another_class(tmp_path):
     (tmp_path / "brightness.py").write_text("LEVEL = 3\n")
     (tmp_path / "lamp.py").write_text("from brightness import LEVEL\nclass Lamp:\n    level = LEVEL\n")

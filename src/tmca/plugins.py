@@ -13,7 +13,7 @@ from importlib.metadata import EntryPoint, entry_points, packages_distributions,
 from importlib.util import cache_from_source, module_from_spec, spec_from_file_location
 from inspect import isabstract
 from pathlib import Path
-from traceback import extract_tb
+from traceback import extract_tb, walk_tb
 from types import ModuleType
 from typing import Any
 from warnings import warn
@@ -115,10 +115,17 @@ def class_from_file(text: str, base: type, name: str) -> Class:
         expected = f"a subclass of {base.__name__}" if base is not object else "a class"
         expected += f": {', '.join(there)}" if there else ""
         raise SettingError(name, found, expected, did_you_mean(wanted, there))
+    check_whole(cls, base, name, text)
+    return cls
+
+
+def check_whole(cls: Class, base: type, where: str, called: str) -> None:
+    """Raises SettingError for a class that lacks methods of its base, which are named."""
     if isabstract(cls):
         lacks = ", ".join(sorted(getattr(cls, "__abstractmethods__", ())))
-        raise SettingError(name, f"{text} without {lacks}", f"all that a {base.__name__} has", f"define {lacks} in it")
-    return cls
+        raise SettingError(
+            where, f"{called} without {lacks}", f"all that a {base.__name__} has", f"define {lacks} in it"
+        )
 
 
 def _defined(value: Any, module: ModuleType, base: type) -> bool:
@@ -171,10 +178,19 @@ def _importing_beside(path: Path) -> Iterator[list[Path]]:
         yield beside
     finally:
         sys.path.remove(str(path.parent))
-        within = os.path.join(path.parent, "")  # texts: there are thousands of modules
-        sources = [getattr(module, "__file__", None) for module in list(sys.modules.values())]
-        there = {Path(source) for source in sources if isinstance(source, str) and source.startswith(within)}
-        beside += sorted(there - {path})
+        folder = str(path.parent)
+        there = {top for top in {_top_of(name) for name in [*sys.modules]} if _lies_in(folder, top)}
+        sources = [
+            getattr(module, "__file__", None) for name, module in [*sys.modules.items()] if _top_of(name) in there
+        ]
+        beside += sorted({Path(source) for source in sources if isinstance(source, str)} - {path})
+
+
+def _lies_in(folder: str, top: str) -> bool:
+    """Whether a module or a package was found in a folder itself: what lies below, such as an environment, was not."""
+    module = sys.modules.get(top)
+    places = [*(getattr(module, "__path__", None) or ()), getattr(module, "__file__", None)]
+    return top != "tmca" and any(isinstance(place, str) and os.path.dirname(place) == folder for place in places)
 
 
 def file_of(cls: Class) -> Path | None:
@@ -205,6 +221,19 @@ def failures_of(cls: Class, where: str, name: str, expected: str) -> Iterator[No
         raise SettingError(where, found, expected, "mend it") from error
 
 
+def foreign_failure(error: BaseException) -> SettingError | None:
+    """What an error is where it comes through a package that entry points name, or through a file that was named: one
+    line that says which line of it; None of all others."""
+    points = [one for group in entry_points().groups if group.startswith("tmca.") for one in entry_points(group=group)]
+    packages = {_top_of(point.module) for point in points} - {"tmca"}
+    for frame, line in reversed([*walk_tb(error.__traceback__)]):
+        module = str(frame.f_globals.get("__name__"))
+        if module in _FROM_FILES or _top_of(module) in packages:
+            found, remedy = f"{one_line(error)} (line {line})", "mend it; python -X dev -m tmca shows who called it"
+            return SettingError(frame.f_code.co_filename, found, "code that runs", remedy)
+    return None
+
+
 def line_in(path: Path, error: BaseException) -> str:
     """The last line of a file that an error comes through, in brackets; empty where it is none of that file."""
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if Path(frame.filename) == path]
@@ -230,14 +259,14 @@ def foreign_source(cls: Class) -> str:
 
     Where there is no source it is the version of the distribution.
     """
-    extended = [one for one in cls.__mro__ if any(_top(base) == "tmca" for base in one.__mro__)]
-    names = dict.fromkeys(map(_top, extended or [cls]))
+    extended = [one for one in cls.__mro__ if any(_top_of(base.__module__) == "tmca" for base in one.__mro__)]
+    names = dict.fromkeys(_top_of(one.__module__) for one in extended or [cls])
     return " ".join(_source(name) for name in names if name != "tmca")
 
 
-def _top(cls: Class) -> str:
-    """Name of the package, or of the module, that a class is in."""
-    return cls.__module__.partition(".")[0]
+def _top_of(module: str) -> str:
+    """Name of the package that a module is in, or its own."""
+    return module.partition(".")[0]
 
 
 def _source(name: str) -> str:

@@ -1,6 +1,7 @@
 """A camera of another package, as `tmca new camera` writes it: what it lacks is one line, and its scenes are cubes."""
 
 import json
+import re
 import sys
 
 import pytest
@@ -8,6 +9,7 @@ import torch
 
 import tmca
 from tests.cli.calls import answer
+from tests.cli.refusals import refused
 from tests.plugin_packages import install
 from tmca.applications import APPLICATIONS, Application, application_of
 from tmca.cameras import CAMERAS, BandCamera, SpectralCamera
@@ -82,6 +84,21 @@ def test_the_list_of_decoders_says_which_decode_it(installed, capsys):
     rows = {row["name"]: row["cameras"] for row in json.loads(capsys.readouterr().out)}
     assert {name for name, cameras in rows.items() if "weighted" in cameras} == {"dagger", "admm-tv"}
     assert not any("weighted" in row["cameras"] for row in table(plugins=False))
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("(self.code * scene).sum", "(self.code / 0 * none).sum", r"weighted\.py: found NameError: .*none.* \(line 25\)"),
+    ("(self.code * scene).sum(1, keepdim=True)", "(self.code * scene).sum(1)", "A of the operator of Weighted: found"),
+    ("def throughput", "def put_through", "found Weighted of weighted without throughput, .* define throughput"),
+    ('"weighted", ("weights',  '"other", ("weights', "found 'weighted', which has no application, expected both"),
+    ("def A_adjoint", "def A_transposed", r"weighted\.py: found TypeError: .*A_adjoint.* \(line \d+\)"),
+])  # fmt: skip
+def test_what_is_wrong_with_its_code_is_one_line(installed, capsys, old, new, said):
+    assert old in SOURCE
+    installed(SOURCE.replace(old, new))
+    shown = refused(capsys, "simulate", "weighted", "coffee", "--crop", "16x16")
+    assert re.search(said, shown.replace("\n", " ")), shown
+    APPLICATIONS.pop("other", None)
 
 
 @pytest.mark.parametrize("lacks", ["bands", "lenses"])

@@ -19,7 +19,7 @@ from tmca.cameras import CAMERAS, Camera, Snapshot
 from tmca.cli import main
 from tmca.data.fitting import middle_of
 from tmca.data.scenes import load_scene
-from tmca.decoders import decoders_for
+from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import SettingError
 from tmca.operators import LinearOperator
 from tmca.plots.style import image_figure
@@ -164,6 +164,8 @@ def test_its_operator_has_its_adjoint_and_its_masks_are_the_rows():
 
 
 def test_python_takes_it(taken):
+    assert "1×14×17 (images, rows, columns)" in repr(taken.camera)
+    assert usual_decoder("single-pixel") == "admm-tv"
     assert set(decoders_for("single-pixel")) == SinglePixelCamera.decoders
     scene = APPLICATIONS["single-pixel"].read("coffee")
     found = {name: tmca.evaluate(tmca.reconstruct(taken, name), scene)["psnr"] for name in SinglePixelCamera.decoders}

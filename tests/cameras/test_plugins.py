@@ -43,3 +43,12 @@ def test_one_that_cannot_be_loaded_is_warned_of_and_left_out(installed):
     installed("import a_package_that_is_not_there")
     with pytest.warns(BrokenPlugin, match="pinhole_package.*a_package_that_is_not_there"), pytest.raises(SettingError):
         application_of("pinhole")
+
+
+def test_one_of_a_kind_that_there_is_is_warned_of_and_left_out(installed):
+    before = CAMERAS["spectral"]
+    installed(PACKAGE.replace('"pinhole"', '"spectral"', 1))
+    taken = "Pinhole.kind: found 'spectral', which tmca.cameras.spectral has"
+    with pytest.warns(BrokenPlugin, match=taken), pytest.raises(SettingError, match="'pinhole', which has no camera"):
+        application_of("pinhole")
+    assert CAMERAS["spectral"] is before

@@ -13,17 +13,18 @@ from tests.cli.refusals import refused
 from tmca.applications import APPLICATIONS
 from tmca.cameras import CAMERAS, Snapshot, SpectralCamera
 from tmca.cli.new import names_of, rendered
+from tmca.data.formats.stored import OPENERS
 from tmca.decoders import DECODERS
 from tmca.lab.display import device_named, export_codes, read_planes
 
-PARTS = ("camera", "decoder", "driver")
+PARTS = ("camera", "decoder", "format", "driver")
 
 
 @pytest.fixture
 def clean(monkeypatch):
     """What a template registers, and its modules, are gone after a test."""
-    for known in (CAMERAS, APPLICATIONS, DECODERS):
-        for name in ("my-camera", "my-decoder"):
+    for known in (CAMERAS, APPLICATIONS, DECODERS, OPENERS):
+        for name in ("my-camera", "my-decoder", ".my-format"):
             monkeypatch.setitem(known, name, None)
             monkeypatch.delitem(known, name)
     before = {*sys.modules}
@@ -75,6 +76,7 @@ def test_a_name_is_made_of_words(text, names):
     (("camera", "light-field"), "light-field, a camera that there is"),
     (("decoder", "lmmse"), "lmmse, a decoder that there is"),
     (("driver", "folder"), "folder, a driver that there is"),
+    (("format", "npy"), "npy, a format that there is"),
     (("camera", "band-camera"), "whose class BandCamera is used already"),
     (("lens", "mine"), "lens"),
 ])  # fmt: skip
@@ -89,7 +91,7 @@ def test_nothing_is_replaced_unless_asked_for(tmp_path, capsys):
     assert [file.name for file in tmp_path.iterdir()] == ["test_mine.py"]
     said(capsys, "new", "decoder", "mine", "--out", tmp_path, "--overwrite")
     assert (tmp_path / "test_mine.py").read_text() == rendered("decoder", names_of("mine"))["test_mine.py"]
-    assert "no such folder" in refused(capsys, "new", "decoder", "mine", "--out", tmp_path / "none")
+    assert 'mine = "none.mine:Mine"' in said(capsys, "new", "decoder", "mine", "--out", tmp_path / "none")
 
 
 def test_nothing_of_a_template_is_registered_by_writing_it(tmp_path, capsys):
@@ -122,4 +124,5 @@ def test_paths_with_spaces_are_quoted_for_the_shell(part, tmp_path, capsys):
     folder.mkdir()
     told = said(capsys, "new", part, f"my-{part}", "--out", folder)
     assert f"python -m pytest '{folder / f'test_my_{part}.py'}'" in told
-    assert {"camera": f"cd '{folder}' && "}.get(part, f" '{folder / f'my_{part}.py'}:") in told
+    moved = part in ("camera", "format")
+    assert (f"cd '{folder}' && " if moved else f" '{folder / f'my_{part}.py'}:") in told

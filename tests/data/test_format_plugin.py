@@ -36,5 +36,26 @@ def test_it_is_read_and_described(plugin):
 
 def test_a_damaged_file_is_named(plugin):
     (plugin / "b.cube3").write_text("450 500\nrubbish\n")
-    with pytest.raises(DataError, match=r"b.cube3: found an unreadable or truncated file"):
+    with pytest.raises(DataError, match=r"b.cube3: found ValueError: .*columns.* \(line 9\) in text_cube\."):
         read(plugin / "b.cube3")
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    ("np.loadtxt(path)", "np.loadtext(path)", r"found AttributeError: .*loadtext.* \(line 9\) in text_cube\.o"),
+    ("np.loadtxt(path)", "np.loadtxt(open(f'{path}.head'))", r"b.cube3: found no .*b.cube3.head that belongs to it"),
+    ("return Contents", "Contents", "found a NoneType from text_cube.open_text_cube, expected Contents"),
+    ("{cube.name: cube}", "{'cube': np.ones(3)}", r"found cube as a ndarray from text_cube.*from_array"),
+    ("nm * 1e-9", "nm", "found wavelengths up to 600 m from text_cube.*multiply nanometres by 1e-9"),
+    ('".cube3"', '".npy"', "cannot be loaded .*reads: found .npy, which tmca.data.formats.arrays reads"),
+    ('".cube3"', '"cube3"', "cannot be loaded .*reads: found 'cube3', expected a suffix in small letters"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_reader_is_one_line_that_names_it(tmp_path, monkeypatch, old, new, said):
+    assert old in SOURCE
+    install(tmp_path, monkeypatch, "tmca.formats", "text_cube", SOURCE.replace(old, new))
+    np.savetxt(tmp_path / "b.cube3", np.vstack([NM, np.ones((25, 3))]))
+    try:
+        with pytest.raises(DataError, match=said):
+            read(tmp_path / "b.cube3")
+    finally:
+        OPENERS.pop(".cube3", None)
+        sys.modules.pop("text_cube", None)

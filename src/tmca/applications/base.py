@@ -15,7 +15,7 @@ from torch import Tensor
 
 from tmca.arguments import described
 from tmca.attributes import REMEDY, Attributes, json_of
-from tmca.cameras import CAMERAS, load_cameras
+from tmca.cameras import CAMERAS, Camera, load_cameras
 from tmca.data import read_dataset, read_scene
 from tmca.data.in_memory import bare_cube
 from tmca.data.scene_names import READING, compare_source
@@ -23,13 +23,14 @@ from tmca.data.scenes import SCENE_KINDS
 from tmca.decoders import decoders_for, usual_decoder
 from tmca.errors import DataError, SettingError, check_choice
 from tmca.plots.estimates import estimate_figure
+from tmca.plugins import check_whole
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
     from tmca.applications.demo import Demo
-    from tmca.cameras import Camera, Snapshot
+    from tmca.cameras import Snapshot
     from tmca.data.formats.stored import Contents
 
     Scene = xr.DataArray | xr.Dataset
@@ -258,12 +259,17 @@ def application_of(camera: Camera | str) -> Application:
     """The application of a camera, or of a kind of camera.
 
     Raises:
-        SettingError: a kind that has none.
+        SettingError: a kind that has none, or whose classes lack something.
     """
     kind = camera if isinstance(camera, str) else camera.kind
     if kind not in APPLICATIONS:
         load_cameras()
+    for known, other, lacking in ((APPLICATIONS, CAMERAS, "application"), (CAMERAS, APPLICATIONS, "camera")):
+        if kind in other and kind not in known:
+            raise SettingError("camera", f"{kind!r}, which has no {lacking}", "both, as `tmca new camera` writes them")
     check_choice("camera", kind, APPLICATIONS)
+    for cls, base in ((CAMERAS[kind], Camera), (type(APPLICATIONS[kind]), Application)):
+        check_whole(cls, base, "camera", f"{cls.__name__} of {cls.__module__}")
     return APPLICATIONS[kind]
 
 

@@ -15,6 +15,7 @@ from tmca.attributes import attributes_of
 from tmca.cameras.attributes import CameraAttributes
 from tmca.errors import DataError, SettingError, check_choice, check_shape
 from tmca.operators import EXPOSURES, LinearOperator, exposure_weight
+from tmca.plugins import take
 from tmca.sensor import Noise, Sensor
 from tmca.specs import CameraSpec
 from tmca.summaries import Summary, range_nm, sizes
@@ -29,9 +30,19 @@ T = TypeVar("T")
 CAMERAS: dict[str, type[Camera]] = {}
 """Cameras by their kind."""
 
-_AXES = {"band": "bands, rows, columns", "view": "rows and columns of views, rows, columns"}
+_VIEW_AXES = "rows and columns of views, rows, columns"
 _CORNER = 64
 """Pixels along each side of codes that are shown."""
+
+
+def _register(camera: type[Camera]) -> None:
+    """Raises SettingError for a kind that a camera of another module has."""
+    before = CAMERAS.get(camera.kind)
+    if before is not None and before.__module__ != camera.__module__:
+        raise SettingError(
+            f"{camera.__name__}.kind", f"{camera.kind!r}, which {before.__module__} has", "one of its own"
+        )
+    CAMERAS[camera.kind] = camera
 
 
 class Camera(Summary, FromArguments, nn.Module, ABC):
@@ -43,7 +54,7 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
     """
 
     kind: ClassVar[str]  # in files and on the command line
-    channel: ClassVar[str]  # what a channel of the scene is: band or view
+    channel: ClassVar[str]  # what a channel of the scene is, in a word: band, view, …
     Spec: ClassVar[type[CameraSpec]] = CameraSpec  # what describes one in text: options, YAML, axes of sweeps
     decoders: ClassVar[frozenset[str]] = frozenset()  # names of those that decode it without naming its kind
     from_scene: ClassVar[tuple[str, ...]] = ("size",)  # arguments that a scene gives where they are left out
@@ -58,7 +69,7 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
     def __init_subclass__(cls, **arguments: Any) -> None:
         super().__init_subclass__(**arguments)
         if "kind" in cls.__dict__:
-            CAMERAS[cls.kind] = cls
+            take(cls, _register, "camera")
 
     @checked
     def __init__(self, size: Size, slots: Count, exposure: str, sensor: nn.Module | None, buckets: Count = 1) -> None:
@@ -164,7 +175,7 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
 
     def _facts(self) -> dict[str, str]:
         return {
-            "scene": f"{sizes(self.scene_shape)} ({_AXES[self.channel]})",
+            "scene": f"{sizes(self.scene_shape)} ({_VIEW_AXES if self.views else f'{self.channel}s, rows, columns'})",
             "bands": range_nm(self.wavelengths),
             "slots": f"K = {self.slots}, {self.exposure} exposure",
             "buckets": str(self.buckets),
@@ -284,7 +295,11 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         """
         scene, depth = self.imaged(scene, depth)
         check_shape("scene", scene, ("batch", *self.scene_shape), "give the camera its size, or crop it")
-        return self.operator(depth).A(scene.flatten(1, -3))
+        snapshot = self.operator(depth).A(scene.flatten(1, -3))
+        if snapshot.shape[1:] != self.snapshot_shape:
+            where, remedy = f"A of the operator of {type(self).__name__}", "mend either"
+            check_shape(where, snapshot, (len(scene), *self.snapshot_shape), remedy)
+        return snapshot
 
     def A_adjoint(self, snapshot: Any, depth: Any = None) -> Tensor:
         """Snapshot (B, C, H, W'), a tensor, an array or a `Snapshot` → scene, the transpose of ``A``."""

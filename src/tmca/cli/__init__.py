@@ -82,6 +82,11 @@ def _say_why(error: BaseException, tokens: list[str]) -> None:
         _leave(f"{error.filename}: found no permission, expected a file and folder that may be used")
     if isinstance(error, OSError):
         _leave(f"{error.filename or 'output'}: found {error.strerror or error}, expected a file that can be used")
+    from tmca.plugins import foreign_failure
+
+    foreign = None if sys.flags.dev_mode else foreign_failure(error)
+    if foreign is not None:
+        _leave(str(foreign))
     raise error
 
 

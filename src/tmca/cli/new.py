@@ -1,4 +1,4 @@
-"""``tmca new``: a camera, a decoder or a driver of one's own to start from, with its test."""
+"""``tmca new``: a camera, a decoder, a format or a driver of one's own to start from, with its test."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ from typing import Literal, NamedTuple
 from tmca.cli.options.output import Overwrite
 from tmca.errors import SettingError
 
-Part = Literal["camera", "decoder", "driver"]
+Part = Literal["camera", "decoder", "format", "driver"]
+_GROUPS = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "format": "tmca.formats", "driver": "tmca.devices"}
+"""Entry points that make a part known."""
 
 
 class PartNames(NamedTuple):
@@ -29,12 +31,12 @@ class PartNames(NamedTuple):
 
 
 def new(part: Part, name: str, /, *, out: Path = Path(), overwrite: Overwrite = False) -> None:
-    """Write a file of a camera, a decoder or a driver that works, for you to change, and its test.
+    """Write a file of a camera, a decoder, a format or a driver that works, for you to change, and its test.
 
     Args:
-        part: camera, decoder or driver.
-        name: what the command line will call it, such as my-camera.
-        out: folder to write into; the current one without.
+        part: camera, decoder, format (of files with scenes) or driver.
+        name: what the command line will call it, such as my-camera; of a format its suffix.
+        out: folder to write into, made where there is none; the current one without.
     """
     from tmca.data import atomic_path, check_target
 
@@ -42,6 +44,8 @@ def new(part: Part, name: str, /, *, out: Path = Path(), overwrite: Overwrite = 
     _check_free(part, named)
     texts = rendered(part, named)
     targets = {out / file: text for file, text in texts.items()}
+    if not out.exists():
+        out.mkdir(parents=True)
     for target in targets:
         check_target(target, overwrite)
     with ExitStack() as opened:  # neither, unless both can be written
@@ -89,13 +93,15 @@ def rendered(part: Part, named: PartNames) -> dict[str, str]:
 
 
 def _check_free(part: Part, named: PartNames) -> None:
-    """Raises SettingError for a name that a camera, a decoder or a driver has."""
+    """Raises SettingError for a name that a camera, a decoder or a driver has, or for a suffix that is read."""
     from tmca.cameras import CAMERAS, load_cameras
+    from tmca.data.formats.stored import OPENERS
     from tmca.decoders import decoders
     from tmca.lab.acquisition.drivers import device_drivers
 
     load_cameras()
-    known = {"camera": CAMERAS, "decoder": decoders(), "driver": device_drivers()}[part]
+    suffixes = [suffix.removeprefix(".") for suffix in OPENERS]
+    known = {"camera": CAMERAS, "decoder": decoders(), "format": suffixes, "driver": device_drivers()}[part]
     if named.name in known:
         raise SettingError("NAME", f"{named.name}, a {part} that there is", f"none of {', '.join(known)}")
 
@@ -103,8 +109,8 @@ def _check_free(part: Part, named: PartNames) -> None:
 def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     """What was written, how it is tested, tried and made known."""
     file, test = out / f"{named.module}.py", out / f"test_{named.module}.py"
-    group = {"camera": "tmca.cameras", "decoder": "tmca.decoders", "driver": "tmca.devices"}[part]
-    place = f"{named.module}:{named.Class}" if part != "camera" else named.module  # which has the application too
+    package = f"{out.name}." if out.name.isidentifier() else ""
+    place = f"{package}{named.module}" + (f":{named.Class}" if part in ("decoder", "driver") else "")
     lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {quote(str(test))}"]
     if find_spec("pytest") is None:
         lines.append("pytest is not installed yet: pip install pytest")
@@ -116,7 +122,11 @@ def _next_steps(part: Part, named: PartNames, out: Path) -> str:
         there = "" if out == Path() else f"cd {quote(str(out))} && "
         code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
         lines.append(f"try it with: {there}python -c '{code}'")
+    if part == "format":
+        there = "" if out == Path() else f"cd {quote(str(out))} && "
+        code = f'import tmca, {named.module}; print(tmca.read("FILE.{named.name}"))'
+        lines.append(f"try it with: {there}python -c '{code}'")
     return "\n".join([
         *lines, "every command knows it once your package is installed, with this in its pyproject.toml:",
-        f'  [project.entry-points."{group}"]', f'  {named.name} = "{place}"',
+        f'  [project.entry-points."{_GROUPS[part]}"]', f'  {named.name} = "{place}"',
     ])  # fmt: skip

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 DECODERS: dict[str, Any] = {}
 """Every decoder class by its name; `tmca.decoders.decoders` also has those of plug-ins."""
-_USUAL = ("lmmse", "likelihood")
+_USUAL = ("lmmse", "likelihood", "admm-tv")
 
 
 def decoders() -> Mapping[str, type[Decoder]]:

@@ -5,18 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
 from importlib.metadata import entry_points
+from inspect import getsourcefile, unwrap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats import envi, images, matlab, views  # noqa: F401 (each registers its suffixes)
 from tmca.data.formats.arrays import open_zarr
-from tmca.data.formats.stored import OPENERS, Contents, Opener, nearest_name, whole_file
-from tmca.errors import DataError
+from tmca.data.formats.stored import OPENERS, Contents, Opener, Stored, nearest_name, whole_file
+from tmca.errors import DataError, TmcaError, one_line
+from tmca.plugins import line_in
 
 GROUP = "tmca.formats"
 """Entry points that name modules with readers of other packages."""
+_LONGEST = 1.0
+"""Metres: no wavelength of light is longer, and those of one that are given in nanometres are."""
 
 
 def is_picture(path: Path) -> bool:
@@ -61,10 +66,46 @@ def open_contents(path: str | Path) -> Iterator[Contents]:
     opener = _opener(path)
     with ExitStack() as stack:
         ours = opener.__module__.partition(".")[0] == "tmca"
-        with nullcontext() if ours else whole_file(path):
+        with nullcontext() if ours else _foreign(opener, path):
             opened = opener(path)
-            contents = opened if isinstance(opened, Contents) else stack.enter_context(opened)
+            contents = stack.enter_context(opened) if hasattr(opened, "__enter__") else opened
+            if not ours:
+                _check_contents(contents, opener, path)
         yield contents
+
+
+@contextmanager
+def _foreign(opener: Opener, path: Path) -> Iterator[None]:
+    """Within it, what a reader of another package raises is a DataError that names the reader and its line."""
+    try:
+        yield
+    except (TmcaError, MemoryError):
+        raise
+    except Exception as error:
+        missing = getattr(error, "filename", None)
+        if isinstance(error, FileNotFoundError) and missing:
+            raise DataError(
+                path, f"no {missing} that belongs to it", "both files", nearest_name(Path(missing))
+            ) from error
+        source = getsourcefile(unwrap(opener))
+        found = f"{one_line(error)}{line_in(Path(source), error) if source else ''} in {_called(opener)}"
+        raise DataError(path, found, "a whole file that its reader can read", "mend one of the two") from error
+
+
+def _check_contents(contents: Any, opener: Opener, path: Path) -> None:
+    """Raises DataError unless a reader of another package gives what it has to."""
+    if not isinstance(contents, Contents):
+        raise DataError(path, f"a {type(contents).__name__} from {_called(opener)}", "Contents")
+    for name, stored in contents.arrays.items():
+        if not isinstance(stored, Stored):
+            raise DataError(path, f"{name} as a {type(stored).__name__} from {_called(opener)}", "from_array(…)")
+        if stored.wavelengths is not None and np.max(stored.wavelengths, initial=0) > _LONGEST:
+            found = f"wavelengths up to {np.max(stored.wavelengths):g} m from {_called(opener)}"
+            raise DataError(path, found, "metres", "multiply nanometres by 1e-9")
+
+
+def _called(opener: Opener) -> str:
+    return f"{opener.__module__}.{getattr(opener, '__name__', opener)}"
 
 
 def _opener(path: Path) -> Opener:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data.formats.limits import VARIABLE, check_array, check_declared
-from tmca.errors import DataError, TmcaError, did_you_mean
+from tmca.errors import DataError, SettingError, TmcaError, did_you_mean
 
 _PACKAGE = Path(__file__).parents[2]
 Index = tuple[int | slice, ...]
@@ -149,11 +149,21 @@ OPENERS: dict[str, Opener] = {}
 def reads(*suffixes: str) -> Callable[[_Opener], _Opener]:
     """Register the function that opens files of these suffixes.
 
-    It takes the path and gives `Contents`, or is a context manager that does. What it raises on a damaged file becomes
-    a `DataError` that names the file.
+    It takes the path and gives `Contents`, or is a context manager that does. What it raises becomes a `DataError`
+    that names the file, the reader and its line.
+
+    Raises:
+        SettingError: a suffix without its dot, in capitals, or of another module's reader.
     """
+    for suffix in suffixes:
+        if not suffix.startswith(".") or suffix != suffix.lower():
+            raise SettingError("reads", repr(suffix), "a suffix in small letters, with its dot")
 
     def register(opener: _Opener) -> _Opener:
+        for suffix in suffixes:
+            before = OPENERS.get(suffix, opener)
+            if before.__module__ != opener.__module__:
+                raise SettingError("reads", f"{suffix}, which {before.__module__} reads", "a suffix of its own")
         OPENERS.update(dict.fromkeys(suffixes, opener))
         return opener
 
