@@ -116,7 +116,7 @@ def main(beginnings: list[str]) -> None:
             if output.number in shown and output.picture is not None:
                 with Image.open(BytesIO(output.picture)) as picture:
                     picture.convert("RGB").save(picture_of(script, output.number), quality=82, method=6)
-        texts = {output.number: output.text for output in outputs if output.text}
+        texts = {str(output.number): output.text for output in outputs if output.text}
         kept[script.stem] = {"code": digest(script), "texts": texts}
         print(script.name)
     OUTPUTS.write_text(json.dumps(kept, indent=1, ensure_ascii=False, sort_keys=True) + "\n")

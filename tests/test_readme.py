@@ -1,5 +1,6 @@
-"""Every command of README and tour runs, on a smaller part of its scene."""
+"""Every command of README and tour runs, on smaller scenes and with fewer steps; as written with TMCA_WHOLE_TOUR=1."""
 
+import os
 import re
 import shlex
 import subprocess
@@ -16,16 +17,20 @@ TOUR = (ROOT / "docs" / "tour.md").read_text()
 PARTS = [block.splitlines() for block in re.findall(r"```bash\n(.*?)```", TOUR + TEXT, re.S)]
 BASH = [line for part in PARTS for line in part]
 SMALL = {"spectral": "24x32", "light-field": "20x24", "spectral-depth": "48x64"}
-SHRUNK = {
-    "128x128": "48x56",
-    "96x128": "48x64",
-    "96x96": "48x48",
-    "64x80": "32x40",
-    "64x64": "32x32",
-    "--steps 5": "--steps 2",
-    "--slots 2 --period 8": "--slots 2 --period 4",
-    "astronaut chelsea rocket": "chelsea rocket",
-}
+SHRUNK = (
+    {}
+    if os.environ.get("TMCA_WHOLE_TOUR")
+    else {
+        "128x128": "48x56",
+        "96x128": "48x64",
+        "96x96": "48x48",
+        "64x80": "32x40",
+        "64x64": "32x32",
+        "--steps 5": "--steps 2",
+        "--slots 2 --period 8": "--slots 2 --period 4",
+        "astronaut chelsea rocket": "chelsea rocket",
+    }
+)
 """Crops, steps, tile and scenes of the tour, and what its tests take in their place."""
 PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.S)
 
@@ -78,7 +83,7 @@ def test_the_tour_runs_in_its_order(part, tour, monkeypatch):
     for line in with_what_it_reads(part):
         if line in ran:
             continue
-        words = shlex.split(re.sub("|".join(SHRUNK), lambda large: SHRUNK[large[0]], line))
+        words = shlex.split(re.sub("|".join(SHRUNK) or "(?!)", lambda large: SHRUNK[large[0]], line))
         assert words[0] == "tmca", line
         main(words[1:])
         ran.add(line)

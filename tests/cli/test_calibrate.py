@@ -180,10 +180,11 @@ def exported(shown, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def captured(shown):
+def captured(shown, tmp_path_factory):
     """What is shown, and frames of its mask."""
-    main(["calibrate", "capture", "registration", str(shown / "shown"), "--out", str(shown / "bench")])
-    return shown
+    folder = shutil.copytree(shown, tmp_path_factory.mktemp("captured"), dirs_exist_ok=True)
+    main(["calibrate", "capture", "registration", str(folder / "shown"), "--out", str(folder / "bench")])
+    return folder
 
 
 @pytest.mark.slow

@@ -157,7 +157,7 @@ def test_decoders_that_fail_are_named_and_the_others_go_on(here, plain_pictures,
     assert "2 of 4 cells failed (mug · cassi · noise-free · Narrow" in capsys.readouterr().err
 
 
-def test_a_row_that_lacks_scenes_says_so_everywhere(here, plain_pictures, capsys):
+def test_a_row_that_lacks_scenes_says_so_everywhere(here, capsys):
     scene = read_dataset("mug.nc", ())
     write_dataset(scene.assign(radiance=0 * scene["radiance"] + 0.9), here / "white.nc")
     with pytest.raises(SystemExit):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from importlib.metadata import entry_points
 from inspect import getsourcefile, unwrap
 from pathlib import Path
@@ -68,9 +68,9 @@ def open_contents(path: str | Path) -> Iterator[Contents]:
         ours = opener.__module__.partition(".")[0] == "tmca"
         with nullcontext() if ours else _foreign(opener, path):
             opened = opener(path)
-            contents = stack.enter_context(opened) if hasattr(opened, "__enter__") else opened
+            contents = opened if isinstance(opened, Contents) else stack.enter_context(_entered(opened, opener, path))
             if not ours:
-                _check_contents(contents, opener, path)
+                _check_arrays(contents, opener, path)
         yield contents
 
 
@@ -92,15 +92,21 @@ def _foreign(opener: Opener, path: Path) -> Iterator[None]:
         raise DataError(path, found, "a whole file that its reader can read", "mend one of the two") from error
 
 
-def _check_contents(contents: Any, opener: Opener, path: Path) -> None:
-    """Raises DataError unless a reader of another package gives what it has to."""
-    if not isinstance(contents, Contents):
-        raise DataError(path, f"a {type(contents).__name__} from {_called(opener)}", "Contents")
+def _entered(opened: Any, opener: Opener, path: Path) -> AbstractContextManager[Contents]:
+    """What a reader gave that is no Contents: a context manager, else a DataError."""
+    if not isinstance(opened, AbstractContextManager):
+        raise DataError(path, f"a {type(opened).__name__} from {_called(opener)}", "Contents")
+    return opened
+
+
+def _check_arrays(contents: Contents, opener: Opener, path: Path) -> None:
+    """Raises DataError unless a reader of another package gives arrays as they have to be."""
     for name, stored in contents.arrays.items():
         if not isinstance(stored, Stored):
             raise DataError(path, f"{name} as a {type(stored).__name__} from {_called(opener)}", "from_array(…)")
-        if stored.wavelengths is not None and np.max(stored.wavelengths, initial=0) > _LONGEST:
-            found = f"wavelengths up to {np.max(stored.wavelengths):g} m from {_called(opener)}"
+        longest = 0.0 if stored.wavelengths is None else np.max(stored.wavelengths, initial=0)
+        if longest > _LONGEST:
+            found = f"wavelengths up to {longest:g} m from {_called(opener)}"
             raise DataError(path, found, "metres", "multiply nanometres by 1e-9")
 
 

@@ -106,7 +106,8 @@ class Placement:
         return codes.reshape(len(frames), *self.code)
 
     def _places(self, margin: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of the code under each pixel of the device and its margin, or of arrays that broadcast."""
+        """Row and column of the code under each pixel of the device and its margin; (R, 1) and (1, C) where rows and
+        columns are independent."""
         sides = (np.arange(-margin, n + margin, dtype=np.float64) for n in self.device)
         y, x = np.meshgrid(*sides, indexing="ij", sparse=self.affine is None)
         if self.affine is not None:
