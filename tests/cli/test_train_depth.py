@@ -51,7 +51,8 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     assert "learned.nc read" in said.err
     made = {"weights.safetensors", "log.csv", "run.json", "curve.png", "codes.png", "psf.png"}
     assert made <= {file.name for file in (tmp_path / "run").iterdir()}
-    main(["simulate", "spectral-depth", "checked.nc", "--codes", "run", *TAKEN, "--out", "taken.nc"])
+    main(["simulate", "spectral-depth", "checked.nc", "--weights", "run", *TAKEN, "--out", "taken.nc"])
+    assert "reconstruct it with: tmca reconstruct taken.nc --weights run\n" in capsys.readouterr().out
     capsys.readouterr()
     main(["reconstruct", "taken.nc", "--weights", "run", "--truth", "checked.nc", "--out", "found.nc", "--json"])
     said = capsys.readouterr()

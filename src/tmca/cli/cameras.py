@@ -25,7 +25,7 @@ SENSOR = group("Sensor", 3)
 _FAULTS = f"""Faults that the decoder does not know, NAME=VALUE,… or a YAML file of them: {", ".join(LIMITS)}
 (docs/hardware.md); ROWS:COLUMNS where there are two."""
 Faults = Annotated[str | None, Parameter(group=Group("Hardware", sort_key=5), help=_FAULTS)]
-_WITH_WEIGHTS = ("seed", "slots", "weights", "codes")
+_WITH_WEIGHTS = ("seed", "slots")
 
 
 class CameraChoice:
@@ -76,7 +76,7 @@ class CameraChoice:
         from tmca.decoders import Weights
 
         spec = self.spec
-        beside = {**spec.given(*_WITH_WEIGHTS), **({} if self.bench is None else self.bench.given())}
+        beside = {**spec.given(*_WITH_WEIGHTS, self.option), **({} if self.bench is None else self.bench.given())}
         for other, value in beside.items():
             found = f"--{'no-' if value is False else ''}{other.replace('_', '-')} beside weights"
             remedy = "leave one of the two out"

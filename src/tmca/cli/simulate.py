@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 from cyclopts import App, Parameter
@@ -79,7 +80,8 @@ def spectral(
     taken = _taken(choice, how, scenes, calibration, hardware, output, assumed, motion=moved)
     count, there = taken[0].camera.bands, taken[0].notes.get("source_bands")
     said = f"{count} of {there} bands (--all-bands for all)" if there else f"{count} bands"
-    _write(*taken, output, {"bands": count, **({"source_bands": there} if there else {})}, said)
+    about = {"bands": count, **({"source_bands": there} if there else {}), **_learned(choice)}
+    _write(*taken, output, about, said)
 
 
 def _range_of(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
@@ -127,7 +129,8 @@ def light_field(
 
     taken = _taken(choice, how, (scene,), calibration, hardware, output, said)
     views = list(taken[0].camera.views)
-    _write(*taken, output, {"views": views}, f"{views[0]}×{views[1]} views{''.join(left_out)}")
+    about = {"views": views, **_learned(choice)}
+    _write(*taken, output, about, f"{views[0]}×{views[1]} views{''.join(left_out)}")
 
 
 @app.command
@@ -164,7 +167,8 @@ def spectral_depth(
     height, width = taken.camera.size
     channels = f"{taken.camera.bands} bands, {taken.camera.planes.count} depth planes"
     channels += f", {said_unknown(counts, height * width)}" if counts[TOTAL] else ""
-    _write(taken, target, output, {"bands": taken.camera.bands, **counts}, channels + _mapped(taken))
+    about = {"bands": taken.camera.bands, **counts, **_learned(choice)}
+    _write(taken, target, output, about, channels + _mapped(taken))
 
 
 @app.default
@@ -282,6 +286,11 @@ def _mapped(taken: Any) -> str:
     return f", {said} (--metric-depth keeps metres)" if said else ""
 
 
+def _learned(choice: CameraChoice) -> dict[str, str]:
+    """The weights that brought the codes, and can decode what they take."""
+    return {} if choice.name is None else {"weights": choice.name}
+
+
 def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
     """Write a snapshot with its pictures, and say what it is and how to go on."""
     from tmca.applications.pictures import snapshot_pictures
@@ -308,6 +317,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
     lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}{buckets}"]
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
+    how += f" --weights {quote(about['weights'])}" if "weights" in about else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
     noise = taken.camera.noise.in_words()
     noise = "no noise (--full-well, --read-noise)" if noise == "none" else f"noise: {noise}"

@@ -134,6 +134,8 @@ class SpectralDepthSpec(CameraSpec):
     codes: Path | None = None
     """Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc), the bands are then the preset's;
     or all of the camera from weights of `tmca train`."""
+    weights: str | None = None
+    "Learned masks and optics: a file or run of `tmca train`, as with --codes."
     seed: Seed = 0
     "Of the codes and the noise."
     filters: str | None = None
@@ -165,6 +167,7 @@ class SpectralDepthSpec(CameraSpec):
         return given | ({"rms": given.pop("rms_nm") * 1e-9} if "rms_nm" in given else {})
 
     def learned(self) -> tuple[str | None, str]:
-        """See ``CameraSpec``: codes that are no file of `tmca design`."""
-        searched = self.codes is None or self.codes.suffix == ".nc"
-        return (None if searched else str(self.codes)), "codes"
+        """See ``CameraSpec``: weights, or codes that are no file of `tmca design`."""
+        if self.weights is not None or self.codes is None or self.codes.suffix == ".nc":
+            return self.weights, "weights"
+        return str(self.codes), "codes"
