@@ -113,7 +113,7 @@ def test_the_first_snapshot_of_every_camera_is_taken_and_reconstructed(camera, t
 def test_the_python_of_the_tour_runs(code, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     exec(compile(code, "README.md", "exec"), {})
-    assert (tmp_path / "estimate.png").exists()
+    assert (tmp_path / "from_python.png").exists()
 
 
 def test_the_two_commands_are_what_the_makefile_and_ci_call():
