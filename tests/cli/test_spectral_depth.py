@@ -16,6 +16,7 @@ from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import label_depth, label_spectral_depth, rendered_scene, write_dataset
 from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.fitting import fitted_depth
 from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
 
@@ -182,6 +183,15 @@ def test_depths_are_mapped_onto_the_range_or_kept_in_metres(capsys, tmp_path):
     room = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
     assert "depths of 2 to 6 m mapped onto 0.4 to 2 m" in said(capsys, *table(room, name="room.nc"))
     assert "mapped" not in said(capsys, *table(room, "--metric-depth", "--overwrite", name="room.nc"))
+
+
+def test_a_mapped_depth_is_said_to_be_one(capsys):
+    scene = rendered_scene("coffee", size=(20, 30))[["radiance", "depth"]]
+    mapped, about = fitted_depth(scene["depth"], 0.4, 2.0)
+    write_dataset(scene.assign(depth=mapped).assign_attrs(about), "mapped.nc")
+    near, far = (f"{end(scene['depth'].values):.3g}" for end in (np.min, np.max))
+    line = f"metres are those of the mapped scene: depths of {near} to {far} m mapped onto 0.4 to 2 m"
+    assert line in said(capsys, "inspect", "mapped.nc")
 
 
 def test_an_rgbd_scene_is_told_in_figures(capsys, tmp_path):
