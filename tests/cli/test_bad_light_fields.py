@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.cli.refusals import refused
+from tests.data import rgbd_scenes
 from tests.data.light_field_files import hci_name, shifted_plane, write_folder, write_parameters, write_pfm
 from tmca.cli import main
 from tmca.data import write_split
@@ -102,3 +103,10 @@ def test_a_grid_that_is_not_square_is_used_with_a_warning(place, capsys, command
     main(COMMANDS[command])
     assert capsys.readouterr().err.count("tmca: warning: scene: 3×5 views are no square") == 1
     assert list((place / "out").iterdir()) or command == "evaluate"
+
+
+def test_a_picture_with_depth_is_named_as_what_it_is(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    stem = str(rgbd_scenes.nyuv2(tmp_path))
+    line = refused(capsys, "simulate", "light-field", stem)
+    assert f"{stem}: found an RGB picture with depth, expected a light field; take it for spectral-depth" in line

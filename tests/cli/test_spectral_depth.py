@@ -16,6 +16,7 @@ from tmca.cameras.phase_codes import write_phase_codes
 from tmca.cli import main
 from tmca.data import label_depth, label_spectral_depth, rendered_scene, write_dataset
 from tmca.data.depth_scenes import load_spectral_depth
+from tmca.data.fitting import fitted_depth
 from tmca.optics import PhaseMaskBench, mask_heights
 from tmca.priors import GaussianPrior
 
@@ -182,6 +183,46 @@ def test_depths_are_mapped_onto_the_range_or_kept_in_metres(capsys, tmp_path):
     room = np.linspace(2.0, 6.0, 1024).reshape(32, 32)
     assert "depths of 2 to 6 m mapped onto 0.4 to 2 m" in said(capsys, *table(room, name="room.nc"))
     assert "mapped" not in said(capsys, *table(room, "--metric-depth", "--overwrite", name="room.nc"))
+
+
+def estimate_of(scene, depth, name):
+    """A file of an estimate with the cube of its scene."""
+    planes = '{"near": 0.4, "far": 2.0, "count": 4}'
+    attrs = {"camera": "spectral-depth", "decoder": "x", "depth_planes": planes, **scene.attrs}
+    parts = {"depth": (("y", "x"), depth), "confidence": (("y", "x"), np.ones(depth.shape))}
+    write_dataset(scene[["radiance"]].assign(parts).assign_attrs(attrs), name)
+
+
+def test_a_depth_that_says_no_more_than_a_constant_is_told(capsys):
+    scene = load_spectral_depth("coffee", WAVES, near=0.4, far=2.0, size=(20, 30), reduce=8)
+    write_dataset(scene, "scene.nc")
+    estimate_of(scene, np.full((20, 30), 1.9), "flat.nc")
+    estimate_of(scene, scene["depth"].values, "true.nc")
+    line = "the depth says less than a constant guess, mean error"
+    assert line in said(capsys, "evaluate", "flat.nc", "coffee")
+    assert "constant guess, mean" not in said(capsys, "evaluate", "true.nc", "coffee")
+    both = said(capsys, "evaluate", "true.nc", "flat.nc", "coffee")
+    assert f"flat.nc: {line}" in both
+    assert "true.nc: the" not in both
+
+
+@pytest.mark.filterwarnings("ignore:truth")
+def test_a_truth_that_is_smaller_than_the_estimate_is_named(capsys):
+    scene = load_spectral_depth("coffee", WAVES, near=0.4, far=2.0, size=(20, 30), reduce=8)
+    estimate_of(scene, scene["depth"].values, "true.nc")
+    write_dataset(load_spectral_depth("coffee", WAVES, near=0.4, far=2.0, size=(96, 96), reduce=1), "small.nc")
+    line = refused(capsys, "evaluate", "true.nc", "small.nc")
+    read = "12×12 pixels (each the mean of 8×8, as the estimate's scene was read)"
+    assert f"small.nc: found {read}, expected at least the 20×30 of the estimate; name the scene" in line
+
+
+def test_a_mapped_depth_is_said_to_be_one(capsys):
+    scene = rendered_scene("coffee", size=(20, 30))[["radiance", "depth"]]
+    mapped, about = fitted_depth(scene["depth"], 0.4, 2.0)
+    write_dataset(scene.assign(depth=mapped).assign_attrs(about), "mapped.nc")
+    near, far = (f"{end(scene['depth'].values):.3g}" for end in (np.min, np.max))
+    line = f"metres are those of the mapped scene: depths of {near} to {far} m mapped onto 0.4 to 2 m"
+    assert line in said(capsys, "inspect", "mapped.nc")
 
 
 def test_an_rgbd_scene_is_told_in_figures(capsys, tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tmca.applications import LightFieldApplication, SpectralApplication, SpectralDepthApplication
-from tmca.metrics import MERITS, all_metrics, light_field_metrics, meaning, with_unit
+from tmca.metrics import MERITS, all_metrics, beside_constant, light_field_metrics, meaning, with_unit
 
 
 def test_all_that_are_measured_are_in_the_table():
@@ -25,3 +25,12 @@ def test_in_words():
     assert meaning("known_depth") == "share of pixels whose true depth is known"
     assert meaning("of_another_package") == ""
     assert [with_unit("psnr", 31.234), with_unit("sam", 5.0), with_unit("other", 2.0)] == ["31.23 dB", "5°", "2"]
+
+
+def test_errors_that_are_not_below_a_constant_guess_are_said():
+    worse = {"depth_mae": 0.3, "depth_mae_of_constant": 0.2, "disparity_agreement_mae": 0.99, "psnr": 1.0}
+    depth, disparity = beside_constant({**worse, "disparity_agreement_mae_of_constant": 1.0})
+    assert depth == "the depth says less than a constant guess, mean error 0.3 m beside the 0.2 m of the guess"
+    assert disparity.startswith("the disparity says no more than a constant guess, mean error 0.99 px per view step")
+    better = {"depth_mae": 0.97, "depth_mae_of_constant": 1.0, "disparity_mae": 0.5}
+    assert beside_constant({**better, "disparity_mae_of_constant": np.nan}) == []

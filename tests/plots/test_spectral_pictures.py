@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.colors import to_rgb
 
 from tmca.errors import SettingError
 from tmca.plots import cube as cubes
 from tmca.plots import depth as depths
 from tmca.plots import linear_srgb, srgb_picture
+from tmca.plots.codes import phase_codes_figure
 from tmca.plots.estimates import estimate_figure
 
 WAVELENGTHS = np.linspace(450e-9, 650e-9, 7)
@@ -187,3 +189,19 @@ def test_a_deviation_of_every_slot_is_drawn_around_their_mean():
     panel = next(axis for axis in figure.axes if "wavelength" in axis.get_xlabel())
     np.testing.assert_allclose(panel.lines[0].get_ydata(), values.mean(0)[:, 3, 13])
     assert len(panel.collections) == 1
+
+
+def test_filters_have_the_colours_of_their_light():
+    centres, metres = np.array([460e-9, 530e-9, 620e-9]), np.linspace(420e-9, 680e-9, 27)
+    filters = np.exp(-(((metres - centres[:, None]) / 20e-9) ** 2))
+    cells = np.array([[0, 1], [2, 3]])
+    parts = (np.zeros((2, 4, 4)), np.ones((1, 2, 4, 4)), cells, np.vstack([filters, np.ones(27)]), np.ones((1, 27)))
+    figure = phase_codes_figure(*parts, metres)
+    axes = [axis for axis in figure.axes if axis.lines]
+    looks = np.array([to_rgb(line.get_color()) for line in axes[0].lines[:4]])
+    assert looks[:3].argmax(axis=1).tolist() == [2, 1, 0]
+    np.testing.assert_allclose(looks[3], 0.85, atol=0.01)
+    titles = [axis.get_title() for axis in figure.axes]
+    assert "heights, slot 1 of 2" in titles
+    tile = next(axis for axis in figure.axes if axis.get_title().startswith("filters of a tile"))
+    np.testing.assert_allclose(tile.images[0].get_array()[1, 0], looks[2])

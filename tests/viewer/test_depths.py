@@ -8,6 +8,7 @@ import xarray as xr
 
 import tmca
 from tests.data import rgbd_scenes
+from tmca.data.fitting import fit_depth_scene
 from tmca.viewer.opening import open_items
 
 CUBE = np.random.default_rng(3).random((4, 20, 30)).astype(np.float32)
@@ -30,6 +31,18 @@ def test_depth_and_confidence_lie_beside_the_bands(tmp_path):
             np.testing.assert_array_equal(item.layer("depth").plane(0), DEPTH)
             np.testing.assert_array_equal(item.layer("values").plane(1), CUBE[1])
             assert item.facts["depth known"] == "99.8% of the pixels"
+
+
+@pytest.mark.filterwarnings("ignore::tmca.data.in_memory.SceneWarning")
+def test_a_mapped_depth_is_shown_in_the_metres_of_the_scene_as_points_have_them():
+    mapped = fit_depth_scene(scene().drop_vars("confidence"), WAVES, (20, 30), 0.4, 0.8)
+    with ExitStack() as stack:
+        [item] = open_items(mapped, stack)
+    shown = item.layer("depth").plane(0)
+    np.testing.assert_allclose(shown, DEPTH, rtol=1e-5)
+    np.testing.assert_allclose(shown[np.isfinite(shown)], -tmca.point_cloud(mapped).points[:, 2], rtol=1e-5)
+    assert item.facts["depth"] == "1 to 3 m"
+    assert item.facts["metres"].endswith("depths of 1 to 3 m mapped onto 0.4 to 0.8 m")
 
 
 def test_a_picture_with_depth(tmp_path):

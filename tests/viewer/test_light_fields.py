@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import tmca
+from tmca.data.light_field_scenes import true_disparity
 from tmca.metrics import refocus
 from tmca.plots.views import brightest
 from tmca.viewer.opening import open_items
@@ -63,13 +64,26 @@ def test_the_confidence_of_an_estimate_is_a_layer_and_its_metrics_are_said_once(
     assert high - 0.5 <= shown[1] <= high or high == low + 0.5
 
 
+@pytest.mark.filterwarnings("ignore:estimate")
+def test_the_true_disparity_and_its_error_stand_beside_that_of_an_estimate():
+    field = tmca.read("coffee:1", "light-field", views=3, size=(24, 28))
+    views = np.random.default_rng(2).random((24, 28)).astype(np.float32)
+    estimate = field.to_dataset(name="estimate").assign(disparity=(("y", "x"), views))
+    with ExitStack() as stack:
+        seen, truth = beside_truth(estimate, field, stack)
+    real = true_disparity("coffee:1", field).values
+    np.testing.assert_array_equal(truth.layer("disparity").plane(0), real)
+    np.testing.assert_allclose(seen.layer("error").plane(0), np.abs(views - real), atol=1e-6)
+    assert truth.facts["disparity"] == "in the file"
+
+
 def test_a_truth_does_not_hide_epipolar_lines(look):
     field = smooth()
     estimate = tmca.reconstruct(tmca.simulate(field, tmca.LightFieldCamera(slots=1, shutter="open")), "dagger")
     looked = look(estimate, truth=field, hash="#cursor=7,9")
     looked.until(READY)
     keys = looked.until("[...tmca.desk.panels.keys()]")
-    assert [key for key in keys if key.endswith("/across")] == ["0/across", "1/across"]
+    assert [key for key in keys if key.endswith(("/across", "/down"))] == ["0/across", "0/down", "1/across", "1/down"]
     assert "0/confidence" in keys
     looked.until("tmca.desk.panels.get('1/across').spec.paint.plane")
     lines = np.array(looked.ask("Array.from(tmca.desk.panels.get('1/across').spec.paint.plane.data)"))

@@ -35,7 +35,7 @@ def psf_figure(camera: SpectralDepthCamera) -> Figure:
     middle, planes = (camera.size[0] // 2, camera.size[1] // 2), range(camera.planes.count)
     places = [(middle[0], middle[1] + step) for step in range(_POINTS)]
     with torch.no_grad():
-        rows = {f"slot {k}": psf.sum(1).cpu().numpy() for k, psf in enumerate(camera.psf())}
+        rows = {f"slot {k + 1} of {camera.slots}": psf.sum(1).cpu().numpy() for k, psf in enumerate(camera.psf())}
         for place in places:
             seen = [camera.equivalent_psf(place, d).sum((0, 1)).cpu().numpy() for d in planes]
             rows[f"pixel {place[0]}, {place[1]}"] = np.stack(seen)

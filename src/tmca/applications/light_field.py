@@ -209,7 +209,7 @@ class LightFieldApplication(Application):
         if known is not None:
             sharp, sure = estimate["all_in_focus"].values, estimate["confidence"].values
             above = f"{title}: {estimate.attrs['decoder']}"
-            name, real = ("", None) if truth is None else _reference(truth, _usable_disparity(truth, views))
+            name, real = ("", None) if truth is None else _reference(truth, usable_disparity(truth, views))
             matched = name == AGREEMENT
             drawn["_disparity.png"] = geometry_figure(sharp, known, sure, real, above, matched)
         above = f"{title}: refocused, disparity in px per view"
@@ -228,7 +228,7 @@ def _reference(truth: xr.DataArray, real: np.ndarray | None) -> tuple[str, np.nd
     return AGREEMENT, estimate_disparity(truth.values) if has_parallax(truth.values) else None
 
 
-def _usable_disparity(truth: xr.DataArray, like: xr.DataArray) -> np.ndarray | None:
+def usable_disparity(truth: xr.DataArray, like: xr.DataArray) -> np.ndarray | None:
     """The true disparity for a picture, which does without a damaged one."""
     try:
         return _true_disparity(truth, like)

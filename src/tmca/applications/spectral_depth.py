@@ -148,11 +148,18 @@ class SpectralDepthApplication(Application):
     def truth(
         self, source: str, camera: Any, notes: Mapping[str, Any], colours: bool = False, **reading: Any
     ) -> xr.Dataset:
-        """See ``Application``; depth is mapped as it was for the snapshot."""
+        """See ``Application``; depth is mapped as it was for the snapshot.
+
+        Raises:
+            DataError: a smaller one.
+        """
         how = noted_reading(notes)
         compare_source(how.pop("source", source), source)
         how |= {"fitted": False} if METRES in notes else {}
-        return self.read(source, **reading_range(camera), size=camera.size, **{**how, **reading})  # type: ignore[return-value]
+        how |= reading
+        scene: Any = self.read(source, **reading_range(camera), **how)
+        _check_as_large(scene, camera.size, source, how.get("reduce", 1))
+        return middle_of(scene, camera.size, source)
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:
         """See ``Application``: those of the cube, and of the depth where it is known."""
@@ -192,6 +199,15 @@ class SpectralDepthApplication(Application):
     ) -> Figure:
         """See ``Application``: colours, depth with confidence or error, and spectra; the truth in a row of its own."""
         return estimate_figure(estimate, truth, (camera.planes.near, camera.planes.far))
+
+
+def _check_as_large(truth: xr.Dataset, size: tuple[int, int], where: str, reduce: int) -> None:
+    """Raises DataError for a truth that is smaller than its estimate."""
+    rows, columns = truth.sizes["y"], truth.sizes["x"]
+    if rows < size[0] or columns < size[1]:
+        read = f" (each the mean of {reduce}×{reduce}, as the estimate's scene was read)" if reduce > 1 else ""
+        expected = f"at least the {size[0]}×{size[1]} of the estimate"
+        raise DataError(where, f"{rows}×{columns} pixels{read}", expected, "name the scene of the estimate")
 
 
 def reading_range(camera: Any) -> dict[str, Any]:

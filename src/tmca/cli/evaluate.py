@@ -51,6 +51,7 @@ def evaluate(
         figure: write a picture of all with error maps and spectra (PNG).
     """
     from tmca.applications.imaging import application_for, evaluation_of
+    from tmca.metrics import beside_constant
     from tmca.plots.style import save_figure
 
     named = [str(estimate), truth, *more]
@@ -75,9 +76,10 @@ def evaluate(
         own = metrics[files[0]]
         wide, one = max(map(len, own)), found[files[0]]
         lines = (f"{name:{wide}s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items())
-        say(own, json, *lines, *one.application.remarks(one.estimate))
+        say(own, json, *lines, *one.application.remarks(one.estimate), *beside_constant(own))
         return
-    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), markdown=markdown)
+    said = [f"{file}: {line}" for file, own in metrics.items() for line in beside_constant(own)]
+    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), *said, markdown=markdown)
 
 
 def _table(metrics: dict[str, dict[str, float]]) -> str:

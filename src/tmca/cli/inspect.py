@@ -138,7 +138,8 @@ def _depth(about: dict[str, Any]) -> str:
     if about["metric"]:
         spread = f"{about['near']:.4g} to {about['far']:.4g} m, median {about['median']:.4g} m"
     share = f" ({unknown / about['pixels']:.1%}: {why})" if unknown else ""
-    return f"  depth: {spread}; {unknown} of {about['pixels']} pixels unknown{share}"
+    mapped = f"; metres are those of the mapped scene: {about['mapped']}" if "mapped" in about else ""
+    return f"  depth: {spread}; {unknown} of {about['pixels']} pixels unknown{share}{mapped}"
 
 
 def _levels(variable: dict[str, Any]) -> str:

@@ -190,6 +190,7 @@ class _Job:
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
         from tmca.decoders import decode
+        from tmca.metrics import beside_constant
 
         asked, output = self.asked, self.asked.output
         check_targets(self.files(target), output.overwrite, self.file)
@@ -209,7 +210,8 @@ class _Job:
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
-        return _Done(shown, scene, report, application_of(self.taken.camera).remarks(shown))
+        remarks = [*application_of(self.taken.camera).remarks(shown), *beside_constant(metrics)]
+        return _Done(shown, scene, report, remarks)
 
     def _scene(self) -> Any:
         """The truth, brought to the camera; None where none is given."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tmca.data.cubes import locate_cube
 from tmca.data.depth_maps import label_depth, read_depth_map, stored_metres
 from tmca.data.files import plain
+from tmca.data.fitting import said_mapped
 from tmca.data.formats.opening import open_contents
 from tmca.data.formats.stored import Contents, Stored, from_array
 from tmca.data.formats.wavelengths import divisor, few_counts, metres_to_nm
@@ -215,7 +216,9 @@ def depth_in(contents: Contents) -> dict[str, Any] | None:
         depth = label_depth(stored_metres(contents.path)[0], contents.path)
     except TmcaError as error:
         return {"note": str(error)}
-    return depth_facts(depth, bool(contents.attrs.get("metric", True)))
+    facts = depth_facts(depth, bool(contents.attrs.get("metric", True)))
+    mapped = said_mapped(contents.attrs, facts["near"], facts["far"]) if facts["metric"] else ""
+    return facts | ({"mapped": mapped} if mapped else {})
 
 
 def light_field_depth(folder: Path) -> dict[str, Any] | None:

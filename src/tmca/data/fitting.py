@@ -330,7 +330,7 @@ def said_mapped(attrs: Mapping[Any, Any], near: float, far: float) -> str:
     if mapping_of(attrs) is None:
         return ""
     first, last = unmapped_depth(np.array([near, far]), attrs)
-    return f"depths of {first:.3g} to {last:.3g} m mapped onto {near:g} to {far:g} m"
+    return f"depths of {first:.3g} to {last:.3g} m mapped onto {near:.4g} to {far:.4g} m"
 
 
 def _outside(inverse: NDArray[np.float64], near: float, far: float) -> int:

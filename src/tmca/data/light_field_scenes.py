@@ -15,8 +15,9 @@ from tmca.data.formats.view_names import has_names
 from tmca.data.light_fields import find_disparity, read_disparity, read_light_field
 from tmca.data.rendering import rendered_light_field, rendered_names
 from tmca.data.rendering.photographs import no_such_scene
+from tmca.data.rgbd import holds_rgbd
 from tmca.data.scene_names import READING, SceneWarning
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -70,7 +71,11 @@ def load_light_field(
     source = str(source)
     reading: dict[str, Any] = {"views": views, "scale": scale, "colour": colour, "pattern": pattern, "lens": lens}
     if Path(source).exists():
-        light_field = read_light_field(source, crop=size, **reading)
+        try:
+            light_field = read_light_field(source, crop=size, **reading)
+        except DataError:
+            _refuse_rgbd(source)
+            raise
         rows, columns = light_field.attrs["grid"]
         if rows != columns:
             odd = f"{rows}×{columns} views are no square, some may be missing"
@@ -80,9 +85,16 @@ def load_light_field(
         light_field = _rendered(source, views or 5, size, scale or 1, colour)["light_field"]
         light_field.attrs["source_colours"] = 3
     else:
+        _refuse_rgbd(source)
         raise no_such_scene(source)
     noted = {"source": source, "size": size, **reading, "scale": scale or 1}
     return light_field.assign_attrs({READING: json.dumps(noted, default=int)})
+
+
+def _refuse_rgbd(source: str) -> None:
+    if holds_rgbd(source):
+        remedy = "take it for spectral-depth: tmca simulate spectral-depth … --from-rgb"
+        raise DataError(source, "an RGB picture with depth", "a light field", remedy)
 
 
 def taken_views(light_field: xr.DataArray) -> str:

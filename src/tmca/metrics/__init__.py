@@ -17,7 +17,7 @@ from tmca.metrics.cubes import (
 )
 from tmca.metrics.depth import depth_mae, depth_rmse, within_bin
 from tmca.metrics.disparity import disparity_error, estimate_disparity, match_views, moved_view
-from tmca.metrics.merits import MERITS, Merit, meaning, with_unit
+from tmca.metrics.merits import MERITS, Merit, beside_constant, meaning, with_unit
 from tmca.metrics.refocusing import Geometry, all_in_focus, disparity_range, refocus, view_geometry
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "Merit",
     "all_in_focus",
     "all_metrics",
+    "beside_constant",
     "coverage_1s",
     "dd",
     "depth_mae",

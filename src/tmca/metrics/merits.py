@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import nan
 
 
 @dataclass(frozen=True)
@@ -67,3 +69,19 @@ def with_unit(metric: str, value: float, form: str = ".4g") -> str:
     unit = MERITS[metric].unit if metric in MERITS else ""
     sign = _SIGNS.get(unit, f" {unit}" if unit else "")
     return f"{value:{form}}{sign}"
+
+
+_BETTER = 0.98
+"""Share of the error of a constant guess from which an error is no better."""
+
+
+def beside_constant(metrics: Mapping[str, float]) -> list[str]:
+    """A line for each error of depth or disparity that is not below that of a constant guess by more than 2 %."""
+    lines = []
+    for name, error in metrics.items():
+        guess = metrics.get(f"{name}_of_constant", nan)
+        if error > 0 and error >= _BETTER * guess:
+            less = "less" if error > guess else "no more"
+            both = f"{with_unit(name, error)} beside the {with_unit(name, guess)} of the guess"
+            lines.append(f"the {name.partition('_')[0]} says {less} than a constant guess, mean error {both}")
+    return lines

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tmca.plots.cube import linear_srgb
 from tmca.plots.style import BLUE, TITLE, add_bar, evenly, grid, image, mosaic, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 CORNER, _POINTS = 48, 10
 """Pixels of codes, and mask points, that are shown along each side."""
+_CLEAR, _DARK = 0.85, 1e-3
+"""Level of a clear filter on white paper, and light of a filter below which it has no colour to an eye."""
 _COLUMNS = 9
 """Most panels side by side: an odd number, so that the centre view is among them."""
 
@@ -104,22 +107,34 @@ def phase_codes_figure(
         wavelengths: (L,) metres.
     """
     figure, axes = grid(1 + len(shutter), len(heights) + 1, width=2.2, aspect=1.0)
+    slots = [f"slot {k + 1} of {len(heights)}" for k in range(len(heights))]
     limits, side = (float(heights.min()) * 1e9, float(heights.max()) * 1e9), 3 * cells.shape[0]
     for slot, height in enumerate(heights):
         bar = "height (nm)" if slot == len(heights) - 1 else ""
-        image(axes[0, slot], height * 1e9, f"heights, slot {slot}", "coolwarm", limits[1], bar, limits[0])
+        image(axes[0, slot], height * 1e9, f"heights, {slots[slot]}", "coolwarm", limits[1], bar, limits[0])
         for bucket, shown in enumerate(shutter, start=1):
             name = "shutter" if len(shutter) == 1 else f"shutter S{bucket}"
-            image(axes[bucket, slot], shown[slot, :side, :side], f"{name}, slot {slot}", "gray", 1.0)
-    image(axes[0, -1], cells, f"filters of a tile of {cells.shape[0]} pixels", "tab10", 9)
+            image(axes[bucket, slot], shown[slot, :side, :side], f"{name}, {slots[slot]}", "gray", 1.0)
+    looks = _filter_colours(filters, wavelengths)
+    image(axes[0, -1], looks[cells], f"filters of a tile of {cells.shape[0]} pixels")
     nanometres = np.asarray(wavelengths) * 1e9
-    for index, values in enumerate(filters):
-        axes[1, -1].plot(nanometres, values, color=f"C{index}")
+    for look, values in zip(looks, filters, strict=True):
+        axes[1, -1].plot(nanometres, values, color=look)
     for values in response:
         axes[1, -1].plot(nanometres, values, color="0.4", linestyle=":")
     axes[1, -1].set_ylim(0, 1.05)
     plain_axes(axes[1, -1], "filters; dotted: sensor", "wavelength (nm)", "transmittance")
     return figure
+
+
+def _filter_colours(filters: np.ndarray, wavelengths: Sequence[float]) -> np.ndarray:
+    """(F, 3) colours of even light through filters (F, L); grey of clear and of invisible ones."""
+    if len(wavelengths) < 2:
+        return np.full((len(filters), 3), _CLEAR)
+    linear = np.nan_to_num(linear_srgb(filters.T[:, :, None], wavelengths)[..., 0].T.clip(0))
+    top = linear.max(axis=1, keepdims=True)
+    seen = np.divide(linear, top, out=np.ones_like(linear), where=top > _DARK)
+    return _CLEAR * seen ** (1 / 2.2)
 
 
 def psf_figure(rows: Mapping[str, np.ndarray], metres: Sequence[float]) -> Figure:

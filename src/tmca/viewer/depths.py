@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import Contents, read_rgbd
+from tmca.data.fitting import said_mapped, unmapped_depth
 from tmca.data.pixels import encoded
 from tmca.data.point_cloud import FOCAL
 from tmca.viewer.cubes import ONE, stored_maps
@@ -16,18 +17,29 @@ from tmca.viewer.items import Item, Layer, in_memory
 
 
 def with_depth(item: Item, contents: Contents) -> Item:
-    """A cube's item with the depth and the confidence that lie beside it in its file; the same without any."""
+    """A cube's item with the depth and the confidence that lie beside it in its file; the same without any.
+
+    Depth that was mapped onto the range of a camera is mapped back to the metres of the scene."""
     maps = stored_maps(contents, item.layers[0].size)
     if "depth" not in maps:
         return item
-    depth = maps["depth"].whole().astype(np.float32)
+    stored = maps["depth"].whole()
+    depth = unmapped_depth(stored, contents.attrs).astype(np.float32)
     layers = [*item.layers, depth_layer(depth, bool(contents.attrs.get("metric", True)))]
     if "confidence" in maps:
         confidence = in_memory(maps["confidence"].whole().astype(np.float32)[None])
         label = "probability of the depth"
         layers.append(Layer("confidence", label, item.layers[0].size, ONE, confidence, span=(0.0, 1.0)))
-    facts, view = {**item.facts, **_facts(depth)}, {"focal": _focal(contents.attrs, depth.shape[1])}
+    facts = {**item.facts, **_facts(depth), **_mapped(stored, contents.attrs)}
+    view = {"focal": _focal(contents.attrs, depth.shape[1])}
     return Item("depth", item.title, tuple(layers), facts, item.role, view=view, check=item.check)
+
+
+def _mapped(stored: NDArray[Any], attrs: Mapping[str, Any]) -> dict[str, str]:
+    """That the depth that is shown is the scene's, and that of the file another."""
+    known = stored[np.isfinite(stored) & (stored > 0)]
+    said = said_mapped(attrs, known.min(), known.max()) if known.size else ""
+    return {"metres": f"the scene's; figures of merit are those of the mapped scene: {said}"} if said else {}
 
 
 def _focal(attrs: Mapping[str, Any], width: int) -> float:

@@ -6,15 +6,19 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tmca.applications.imaging import evaluation_of
+from tmca.applications.light_field import usable_disparity
 from tmca.metrics import MERITS
-from tmca.viewer.cubes import merit_facts
-from tmca.viewer.items import Item
+from tmca.viewer.cubes import ONE, merit_facts
+from tmca.viewer.items import Item, Layer, in_memory
 from tmca.viewer.opening import in_memory_items, open_items
 
 
 def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: bool = True) -> list[Item]:
-    """The items of an estimate, and those of its truth.
+    """The items of an estimate, and those of its truth; of a light field also its true disparity, where it is known.
 
     Args:
         estimate: a file's path, or an Estimate.
@@ -34,7 +38,22 @@ def beside_truth(estimate: Any, truth: Any, stack: ExitStack, *, with_truth: boo
         replace(item, facts={**merit, **{name: said for name, said in item.facts.items() if name not in merit}})
         for item in opened
     ]
-    return items + (in_memory_items(evaluation.truth, "truth", "truth") if with_truth else [])
+    scene: Any = evaluation.truth
+    real = usable_disparity(scene, scene) if "view_v" in scene.dims else None
+    if real is not None:
+        items = [_with_error(item, real) for item in items]
+        scene = scene.to_dataset(name="light_field").assign(disparity=(("y", "x"), real))
+    return items + (in_memory_items(scene, "truth", "truth") if with_truth else [])
+
+
+def _with_error(item: Item, real: NDArray[Any]) -> Item:
+    """The item of an estimate with the error of its disparity."""
+    shown = item.layer("disparity")
+    if shown is None or shown.size != real.shape:
+        return item
+    error = in_memory(np.abs(shown.plane(0) - real)[None])
+    layer = Layer("error", "error of the disparity", shown.size, ONE, error, shown.unit, "deviation")
+    return replace(item, layers=(*item.layers, layer))
 
 
 def _direction(metric: str) -> str:

@@ -64,18 +64,31 @@ export class LightField extends Desk {
   }
 
   specs() {
-    return this.items.flatMap((item) => {
-      const found = [this.picture(item), ...item.layers.slice(1).map((map) => this.map(item, map))];
-      return this.items.length > 1 ? [...found, this.lines(item, true)] : [...found, this.lines(item, true), this.lines(item, false)];
+    const pictures = this.items.map((item) => [this.picture(item), ...item.layers.slice(1).map((map) => this.map(item, map))]);
+    const found = this.items.map((item, row) => ({ maps: pictures[row], lines: [this.lines(item, true), this.lines(item, false)] }));
+    if (found.length > 1) this.place(found);
+    return found.flatMap(({ maps, lines }) => [...maps, ...lines]);
+  }
+
+  // Each file in a row of its own, with its epipolar lines where they fit into it, else below all.
+  place(found) {
+    const widest = Math.max(...found.map(({ maps }) => maps.length)), below = widest > 2;
+    found.forEach(({ maps, lines }, row) => {
+      maps.forEach((spec, column) => (spec.cell = [row, column]));
+      lines.forEach((spec, second) => (spec.cell = below ? [found.length + (row >> 1), 2 * (row % 2) + second] : [row, widest + second]));
     });
   }
 
-  // The disparity, or its confidence.
+  // The disparity, its confidence, or its error.
   map(item, layer) {
     const { name, label, unit, size } = layer, key = `${item.number}/${name}`, plane = this.plane(key, item, layer, 0);
     const look = this.looks.of(name, label, name === "disparity" ? USUAL.depth : USUAL.deviation, layer.span, unit);
-    const spec = { key, title: name, size, item, layer, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: name, bar: { map: look.map, span: look.span, label: unit ? `${label} (${unit})` : label } };
+    const spec = { key, title: this.named(item, label), size, item, layer, index: 0, paint: { plane, map: look.map, span: look.span, power: look.power }, look: name, bar: { map: look.map, span: look.span, label: unit ? `${label} (${unit})` : label } };
     return { ...spec, note: this.valueAt(plane, spec) };
+  }
+
+  named(item, text) {
+    return this.items.length > 1 ? `${item.title}: ${text}` : text;
   }
 
   picture(item) {
@@ -135,7 +148,7 @@ export class LightField extends Desk {
   lines(item, across) {
     const layer = item.layers[0], [rows, columns] = item.grid, [y, , x] = this.placed(this.cursor, layer.size), step = layer.step;
     const count = across ? columns : rows, views = Array.from({ length: count }, (_, at) => this.planes.now(item.number, layer, across ? this.index(item, this.v, at) : this.index(item, at, this.u)));
-    const title = across ? `epipolar lines of row ${y}` : `epipolar lines of column ${x}`, length = layer.size[across ? 1 : 0];
+    const place = across ? `row ${y}` : `column ${x}`, title = this.items.length > 1 ? this.named(item, `epipolar, ${place}`) : `epipolar lines of ${place}`, length = layer.size[across ? 1 : 0];
     const spec = { key: `${item.number}/${across ? "across" : "down"}`, title, note: `↕ view ${across ? "column" : "row"}`, size: [count, Math.ceil(length / step)], lines: true, stretch: true, unmarked: true, bar: null, xlabel: across ? "column (px)" : "row (px)", ylabel: across ? "view column" : "view row", extents: { x: [0, length], y: [-count / 2, count / 2] } };
     const data = views.every(Boolean) ? this.linesOf(views, across, Math.floor(y / step), Math.floor(x / step)) : null;
     const plane = data && { key: spec.key, data, rows: count, columns: data.length / count / 3, step: 1 };
