@@ -54,12 +54,13 @@ def test_exposures_are_decoded_and_recorded(capsys, live, tmp_path):
     assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]
 
 
+@pytest.mark.filterwarnings("default::tmca.lab.quality.NotMeasured")
 def test_a_calibrated_bench_is_decoded_by_its_camera(capsys, bench, live, tmp_path):
     _, camera = bench
     registered = Registration(np.eye(2, 3), np.zeros((2, 3)), 0.3, 0.0, camera.size, camera.snapshot_shape[1:], 550e-9)
     known = Calibration.empty().with_part("registration", registered, {}).save(tmp_path / "bench")
     keep = ("--exposures", "1", "--record", tmp_path / "r.zarr")
-    run(capsys, *live, *HOW, *keep, "--calibration", tmp_path / "bench")
+    assert "not measured: " in run(capsys, *live, *HOW, *keep, "--calibration", tmp_path / "bench").err
     (frame,) = recorded(tmp_path / "r.zarr")
     wanted = calibrated(camera, known)
     assert torch.equal(frame.camera.codes()[0], wanted.codes()[0])
