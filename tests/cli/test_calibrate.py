@@ -1,6 +1,7 @@
 """``tmca calibrate`` from captures to a reconstruction with the camera as it was measured, and what it refuses."""
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from studies.calibration_proof import Proof, table_of
 from tests.cli.calls import answer, run, said
 from tests.cli.refusals import refused
 from tmca.cli import main
+from tmca.cli.lab.calibrate_steps import residual_lines
 from tmca.lab.calibration.file import load_calibration
 
 SHOWN = ("--patterns", "bench/patterns")
@@ -88,6 +90,10 @@ def test_patterns_are_pictures_to_show(capsys, tmp_path):
     assert not shown[1].any()
     assert 0.4 < (shown[2:] == 255).mean() < 0.6
     assert "an existing output" in refused(capsys, "calibrate", "patterns", "shown")
+
+
+def test_what_is_not_finite_is_not_known_whether_it_was_measured_now_or_read_from_a_file():
+    assert all(line.endswith("not known") for line in residual_lines({"a": math.inf, "b": math.nan, "c": None}))
 
 
 @pytest.mark.filterwarnings("default::tmca.lab.quality.Doubtful")

@@ -106,6 +106,14 @@ def test_codes_that_fill_little_of_a_device_may_be_a_tile_that_does_not_say_so(c
     assert "write the attribute period" in refused(capsys, *simulated)
 
 
+def test_a_snapshot_whose_codes_fill_little_of_a_device_is_told_the_options_that_fill_more(capsys, sim):
+    main(["export", "sim.nc", "--device", "dli4120", "--no-figures", "--out", "little"])
+    little = capsys.readouterr().err
+    assert "% of dli4120: a larger --macro-pixel fills more, or of codes that repeat a larger --code-size" in little
+    main(["export", "sim.nc", "--device", "dli4120", "--macro-pixel", "20", "--no-figures", "--out", "much"])
+    assert capsys.readouterr().err == ""
+
+
 def test_a_capture_that_was_stopped_goes_on(capsys, tmp_path, ex):
     said = refused(capsys, "capture", "ex", "--scene", "coffee", "--out", "f", "--stops-after", "2", lines=None)
     assert "no answer after 2 frames" in said

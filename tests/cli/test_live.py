@@ -2,7 +2,9 @@
 
 import time
 
+import numpy as np
 import pytest
+import torch
 import xarray as xr
 
 from tests.cli.calls import answer, run, said
@@ -13,6 +15,9 @@ from tmca.cli import main
 from tmca.cli.lab.live import _run
 from tmca.data import write_dataset
 from tmca.lab.acquisition.session import capture
+from tmca.lab.calibration.apply import calibrated
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.registration import Registration
 from tmca.lab.live import Shown, recorded
 from tmca.sensor import Sensor
 
@@ -47,6 +52,19 @@ def test_exposures_are_decoded_and_recorded(capsys, live, tmp_path):
     frames = list(recorded(tmp_path / "r.zarr"))
     assert len(frames) == 4
     assert frames[-1].notes["number"] == 3 + frames[-1].notes["dropped"]
+
+
+@pytest.mark.filterwarnings("default::tmca.lab.quality.NotMeasured")
+def test_a_calibrated_bench_is_decoded_by_its_camera(capsys, bench, live, tmp_path):
+    _, camera = bench
+    registered = Registration(np.eye(2, 3), np.zeros((2, 3)), 0.3, 0.0, camera.size, camera.snapshot_shape[1:], 550e-9)
+    known = Calibration.empty().with_part("registration", registered, {}).save(tmp_path / "bench")
+    keep = ("--exposures", "1", "--record", tmp_path / "r.zarr")
+    assert "not measured: " in run(capsys, *live, *HOW, *keep, "--calibration", tmp_path / "bench").err
+    (frame,) = recorded(tmp_path / "r.zarr")
+    wanted = calibrated(camera, known)
+    assert torch.equal(frame.camera.codes()[0], wanted.codes()[0])
+    assert frame.values.shape[1:] == wanted.snapshot_shape
 
 
 def test_estimates_of_a_scene_that_moves_are_recorded(capsys, live, tmp_path):

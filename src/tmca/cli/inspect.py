@@ -39,6 +39,10 @@ def inspect(
         _weights(file, json, {"variable": variable, "conditioning": conditioning or None, "figure": figure})
         return
     description = describe(file, variable, **reading.given())
+    if "recording" in description["attrs"]:
+        from tmca.lab.live import frames_recorded
+
+        description |= {"kind": "recording", "frames": frames_recorded(file), "note": None}
     if conditioning:
         from tmca.cameras import Snapshot
         from tmca.design.measures import corner_conditioning
@@ -98,6 +102,8 @@ def _lines(description: dict[str, Any]) -> list[str]:
         lines += _light_field(description["light_field"])
     if description.get("depth"):
         lines.append(_depth(description["depth"]))
+    if "frames" in description:
+        lines.append(f'  frames: {description["frames"]} (xarray.open_zarr(…, group="frames"), tmca view)')
     if "matrix" in description:
         corner = description["matrix"]
         lines.append(

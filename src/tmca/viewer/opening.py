@@ -71,7 +71,18 @@ def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: s
     if variable is None and scene_parts(Path(path)) is not None:
         return in_memory_items(read_spectral_depth(path, negative="keep"), Path(path).name, role)
     contents = stack.enter_context(open_contents(path))
+    if variable is None and "recording" in contents.attrs:
+        return _recording(contents.path, role)
     return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
+
+
+def _recording(path: Path, role: str) -> list[Item]:
+    """The last frame of what `tmca live` recorded: its estimate if there is one, the snapshot, the codes."""
+    from tmca.lab.live import last_recorded
+
+    snapshot, estimate = last_recorded(path)
+    shown = [] if estimate is None else in_memory_items(estimate, f"{path.name}, last estimate", role)
+    return shown + snapshot_items(snapshot, path.name)
 
 
 def _rendered(name: str) -> Any:

@@ -16,12 +16,13 @@ from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.bench import Bench, sets_light, usual_frames
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.capturing import capture_step, shots_of
-from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.shots import Asked
-from tmca.lab.calibration.steps import not_measured, steps_of
+from tmca.lab.calibration.steps import measure_all, not_measured, steps_of
 from tmca.lab.cameras import lab_camera
 from tmca.lab.cameras.base import Light
 from tmca.lab.display.manifest import read_manifest
+from tmca.sensor import Sensor
 
 BOTH = ("dli4120", "coded-exposure")
 
@@ -103,7 +104,7 @@ def test_steps_are_those_of_the_camera_and_its_shutter(tmp_path):
     assert steps_of(camera, coded)[-2:] == ("timing", "dispersion")
     assert "timing" not in steps_of(light_field(), emulated)
     assert steps_of(light_field(), emulated)[-1] == "shear"
-    with pytest.raises(SettingError, match="timing"):
+    with pytest.raises(SettingError, match="'timing', but the sensor does not code this shutter"):
         shots_of("timing", light_field(), emulated, Asked())
     with pytest.raises(SettingError, match="wavelength"):
         shots_of("registration", camera, coded, Asked())
@@ -233,6 +234,18 @@ def test_steps_that_a_calibration_lacks_are_named_by_the_cameras_that_it_may_be_
     )
     whole = Calibration({**flat.parts, **dict.fromkeys(rest.split(", "))}, flat.about)
     assert not_measured(whole) == not_measured(whole, spectral()) == ""
+
+
+@pytest.mark.parametrize("shutter", ["coded-exposure", "emulated-shutter"])
+def test_a_shutter_that_is_laid_on_frames_afterwards_lacks_no_timing(tmp_path, shutter):
+    camera = spectral((17, 20), sensor=Sensor(1e-3))
+    export = exported(tmp_path, camera, "dli4120", shutter)
+    for step in ("dark", "flat", "white"):
+        capture_step(step, export, bench_of(camera, export), tmp_path / "b", camera, Asked(2))
+    *_, (_, known) = measure_all(tmp_path / "b", Calibration.empty())
+    known = load_calibration(str(known.save(tmp_path / "known").path))
+    coded = shutter == "coded-exposure"
+    assert [("timing" in not_measured(known, *of)) for of in ((), (camera,))] == [coded, coded]
 
 
 def test_an_export_without_an_aperture_shows_no_patterns(tmp_path):

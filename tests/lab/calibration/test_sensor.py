@@ -89,6 +89,9 @@ def test_electrons_and_saturation_are_those_of_the_sensor():
     assert found.largest_deviation < 5e-3
     assert found.saturation == pytest.approx(top - OFFSET, rel=0.01)
     assert found.full_well == pytest.approx(GAIN * (top - OFFSET), rel=0.04)
+    said = found.electrons("series")
+    std = said["read_noise_electrons_std"]
+    assert abs(said["read_noise_electrons"] - GAIN * np.hypot(READ, np.sqrt(1 / 12))) < 5 * std < 0.5 * GAIN * READ
     assert np.isnan(found.deviations[-2:]).all()
 
 

@@ -47,6 +47,12 @@ def mirror(modes=range(4, 16), rms=20e-9, **settings):
     return SpectralDepthCamera.from_preset("quick", size=(16, 18), slots=2, mask=maps, **settings)
 
 
+def test_a_driver_gets_the_manifest_as_it_is_in_the_file(tmp_path):
+    made = export(tmp_path, spectral(), small_device("dli4120", flip=("rows",)))
+    assert made.manifest == json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert made.manifest["planes"][0]["placement"]["code"] == [12, 16]
+
+
 @pytest.mark.parametrize("size", [(12, 16), (13, 17)])
 @pytest.mark.parametrize(
     "device",

@@ -121,6 +121,13 @@ def test_codes_that_a_device_cannot_show_are_refused(place, where):
     assert found.value.where == where
 
 
+def test_what_would_fit_is_named():
+    with pytest.raises(SettingError, match=r"take --macro-pixel 2 or less, or a code of 192x256 or less"):
+        Placement((300, 300), (768, 1024), macro_pixel=4).index()
+    with pytest.raises(SettingError, match=r"take a code of 768x1024 or less"):
+        Placement((900, 300), (768, 1024)).index()
+
+
 def test_frames_that_were_touched_are_refused():
     place = Placement((2, 2), (4, 4), 2)
     frames = place.shown(np.ones((1, 2, 2), np.uint8))

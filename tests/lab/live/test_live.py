@@ -7,15 +7,21 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from tests.lab.acquisition.test_capture import bench_of, exported
+from tests.lab.acquisition.test_capture import bench_of, exported, scene_of
 from tests.lab.display.test_export import mirror, spectral
-from tmca.cameras import LightFieldCamera
+from tmca.cameras import Hardware, LightFieldCamera
 from tmca.decoders import make_decoder
 from tmca.errors import DataError, DeviceError, SettingError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.session import capture, joined
+from tmca.lab.calibration.apply import calibrated_snapshot
+from tmca.lab.calibration.capturing import capture_step
+from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.shots import Asked
+from tmca.lab.calibration.steps import measure_all
 from tmca.lab.live import Exposures, Live
 from tmca.lab.live.loop import residual_of
+from tmca.lab.quality import NotMeasured
 from tmca.sensor import Sensor
 
 CAMERAS = {
@@ -45,6 +51,34 @@ def test_an_exposure_is_the_snapshot_of_a_capture(tmp_path, name, shutter):
     assert (first.number, second.number) == (0, 1)
     assert not torch.equal(first.values, second.values)  # other noise
     assert first.saturated == 0
+
+
+@pytest.mark.parametrize("shutter", ["emulated-shutter", "coded-exposure"])
+def test_exposures_before_a_calibrated_camera_are_corrected_as_a_capture_is(tmp_path, shutter):
+    camera, hardware = spectral((24, 26), sensor=Sensor(read_noise=0.002)), Hardware(misregistration=(0.5, -0.5))
+    export = exported(tmp_path, camera, *devices(camera, shutter))
+    asked = Asked(frames=2, wavelengths=tuple(camera.wavelengths[1:2]))
+    for step in ("dark", "flat", "white", "registration"):
+        before = find_device("simulated", camera=camera, scene=[], hardware=hardware, whole=shutter == "coded-exposure")
+        capture_step(step, export, before, tmp_path / "steps", camera, asked)
+    *_, (_, known) = measure_all(tmp_path / "steps", Calibration.empty())
+    bench = {"hardware": hardware, "whole": shutter == "coded-exposure"}
+    frames = capture(export, bench_of(camera, **bench), tmp_path / "frames", gain=None, camera=camera)
+    with pytest.warns(NotMeasured):
+        wanted = calibrated_snapshot(joined(frames, export, camera), known)
+    running = Exposures(export, bench_of(camera, **bench), camera, calibration=known)
+    with pytest.warns(NotMeasured), running as exposures:
+        found = exposures.take()
+    torch.testing.assert_close(found.values, wanted.values)
+    torch.testing.assert_close(exposures.camera.codes()[0], wanted.camera.codes()[0])
+    left = [(one.A(scene_of(camera)[0]) - found.values).norm() for one in (camera, exposures.camera)]
+    assert left[1] < 0.3 * left[0]
+
+
+def test_a_calibration_of_another_camera_is_refused_before_the_first_frame(tmp_path):
+    other = Calibration({}, {"camera": {"name": "", "sensor": [5, 5], "codes": None}, "steps": {}})
+    with pytest.raises(DataError, match="5×5"):
+        running(tmp_path, calibration=other)
 
 
 def test_the_scene_of_the_simulated_bench_drifts(tmp_path):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from contextlib import ExitStack
 from dataclasses import replace
 
 import numpy as np
@@ -15,10 +16,12 @@ import torch
 import xarray as xr
 
 from tests.lab.display.test_export import spectral
+from tmca.cli import main
 from tmca.decoders import Estimate
 from tmca.errors import DataError, OutputError, TmcaError
-from tmca.lab.live import Recording, Shown, recorded
+from tmca.lab.live import Recording, Shown, last_recorded, recorded
 from tmca.sensor import Sensor
+from tmca.viewer.opening import open_items
 
 CAMERA = spectral(sensor=Sensor(read_noise=0.01))
 
@@ -63,6 +66,25 @@ def test_xarray_opens_it(written, recwarn):
     assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]
 
 
+def test_the_group_of_frames_knows_its_axes(written):
+    dataset = xr.open_zarr(written, group="frames")
+    np.testing.assert_allclose(dataset["wavelength"], CAMERA.wavelengths)
+    assert float(dataset["log"].sel(field="number")[2]) == 3
+
+
+def test_a_recording_is_inspected_and_its_last_estimate_viewed(written, capsys):
+    main(["inspect", str(written)])
+    told = capsys.readouterr().out
+    assert f"{written}: recording (Zarr)" in told
+    assert "frames: 3 " in told
+    assert "variable=" not in told
+    with ExitStack() as stack:
+        estimate, snapshot, codes = open_items(written, stack)
+    assert [estimate.kind, snapshot.kind, codes.kind] == ["cube", "snapshot", "codes"]
+    assert (estimate.layers[0].plane(1) == 1.5).all()
+    assert (snapshot.layers[0].plane(0) == 3).all()
+
+
 def test_frames_of_a_scene_that_moves_are_recorded_by_slot(tmp_path):
     path, shape = tmp_path / "m.zarr", (4, *CAMERA.scene_shape)
     estimate = Estimate(torch.rand(1, *shape), CAMERA, "space-time-lmmse")
@@ -71,6 +93,7 @@ def test_frames_of_a_scene_that_moves_are_recorded_by_slot(tmp_path):
     kept = xr.open_zarr(path, group="frames")["estimate"]
     assert kept.dims == ("frame", "slot", "wavelength", "y", "x")
     np.testing.assert_array_equal(kept[0], estimate.values[0])
+    np.testing.assert_array_equal(last_recorded(path)[1], estimate.values[0, 2])
 
 
 def test_one_that_exists_is_kept(written):

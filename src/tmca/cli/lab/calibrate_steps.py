@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -87,7 +88,7 @@ def residual_lines(residuals: Mapping[str, Any]) -> list[str]:
     """A line for each."""
     through = dict.fromkeys(("x_residual_pixels", "y_residual_pixels"), "none: lines through all points")
     shown = {
-        name: through.get(name, "not known") if value is None or value != value else f"{value:.5g}"
+        name: through.get(name, "not known") if value is None or not math.isfinite(value) else f"{value:.5g}"
         for name, value in residuals.items()
     }
     return [f"  {name.replace('_', ' '):<32} {value}" for name, value in shown.items()]

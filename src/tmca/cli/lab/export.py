@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from cyclopts import App, Group, Parameter
 
 from tmca.cli.options.numbers import On, size
-from tmca.cli.options.output import Json, Overwrite, say
+from tmca.cli.options.output import Json, Overwrite, say, warned
 from tmca.errors import SettingError
 
 app = App(name="export", help="Codes as files that devices show, with a manifest.")
@@ -81,7 +81,26 @@ def export(
         from tmca.plots.style import save_figure
 
         save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
+    if planes.settings is not None:  # codes alone that fill little are warned of as they are exported
+        _warn_of_little(manifest, source)
     _say(manifest, out, json, "" if exposure else _exposure_of(planes.exposure), falls)
+
+
+def _warn_of_little(manifest: dict[str, Any], source: Path) -> None:
+    """Say of each device that shows codes on less than a tenth of its pixels how they fill more."""
+    from tmca.lab.display.export import LITTLE
+    from tmca.lab.display.placement import Placement
+
+    for plane in manifest["planes"]:
+        if not plane["device"].get("size") or (place := Placement(**plane["placement"])).share >= LITTLE:
+            continue
+        option = {"aperture": "--code-size"}.get(plane["plane"], "--sensor-size")
+        more = f"codes that repeat fill more with a larger {option}"
+        if plane["plane"] == "aperture" and place.affine is None:
+            more = f"a larger --macro-pixel fills more, or of codes that repeat a larger {option}"
+        rows, columns = place.code
+        name = plane["device"]["name"]
+        warned(f"warning: {source}: {rows}×{columns} code pixels fill {100 * place.share:.3g}% of {name}: {more}")
 
 
 def _exposure_of(designed: float | None) -> str:

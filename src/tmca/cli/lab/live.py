@@ -42,6 +42,7 @@ def live(
     bank: Path | None = None,
     uncertainty: On = True,
     fast: On = False,
+    calibration: Path | None = None,
     exposures: MaybeWhole = None,
     rate: float | None = None,
     page: MaybeOn = None,
@@ -68,6 +69,8 @@ def live(
         bank: file that stores what lmmse computes for camera, noise and prior, for the next start.
         uncertainty: also estimate every pixel's standard deviation.
         fast: lmmse in two thirds of the time, some hundredths of a dB below.
+        calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Every
+            exposure is corrected by it, and decoded by the camera as it was measured.
         exposures: how many to decode; until Ctrl-C without.
         rate: most exposures a second; of the simulated bench those of the export without.
         page: serve the page; without, where the packages of `tmca view` are installed.
@@ -79,6 +82,7 @@ def live(
         drift: ROWS,COLUMNS by which the scene moves from exposure to exposure.
     """
     from tmca.decoders import make_decoder, usual_decoder
+    from tmca.lab.calibration.file import load_calibration
     from tmca.lab.decoder_files import decoder_named
     from tmca.lab.display.manifest import exposed_whole, read_manifest
     from tmca.lab.live import Exposures, Live, Recording, check_recording
@@ -95,12 +99,14 @@ def live(
     taken, manifest = bench.known(export), read_manifest(export)
     _check_bank(bank, taken.camera)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
+    measured = None if calibration is None else load_calibration(calibration)
     rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
     name = decoder_named(decoder) if decoder else ("network" if weights else usual_decoder(taken.camera.kind))
     made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty, fast))
     with ExitStack() as opened:
         takers = _served(opened, page, port)
-        running = opened.enter_context(Exposures(export, device, taken.camera, timeout=bench.timeout, rate=rate))
+        how: dict[str, Any] = {"calibration": measured, "timeout": bench.timeout, "rate": rate}
+        running = opened.enter_context(Exposures(export, device, taken.camera, **how))
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
         if record is not None:

@@ -180,7 +180,6 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     means = {of: frames.mean(0) for of, frames in series.items()}
     reached = torch.stack([(frames >= float(how["saturation"])).any(1).any(0) for frames in series.values()]).any(0)
     names = [frame.name for frame in wanted if frame.of != DARK]
-    whole = names == [WHOLE]
     frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
     opened = opened_of(export, camera)
     frames = frames * opened.to(frames)[:, None]
@@ -189,13 +188,20 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     alike = _repeats(repeats, opened)
     camera = with_noise(camera, float(how["gain"]) * read_noise(series[DARK], repeats, opened, camera), alike)
     about: dict[str, Any] = {"device": ", ".join(plane["device"]["name"] for plane in manifest["planes"])}
-    about |= {GAIN: how["gain"], "capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
+    about |= {"capture": str(folder), "export": str(export), DRIVER: how.get(DRIVER, "")}
     share = float(reached.double().mean())
     warn_of_saturation(folder, share, "what they say is wrong; expose for less time")
-    about |= {SATURATED: share, WHITE: camera.full_scale if whole else camera.white}
-    about |= {AVERAGED: alike * (1 if whole or camera.exposure == "per-slot" else camera.slots)}
-    about |= {CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {}
+    about |= {SATURATED: share, **notes_of_frames(manifest, camera, how["gain"], alike)}
     return Snapshot(values[None].float(), camera, about)
+
+
+def notes_of_frames(manifest: dict[str, Any], camera: Camera, gain: float, repeats: float = 1.0) -> dict[str, Any]:
+    """What a calibration has to know of frames that were joined: their units, how many of them a pixel averages, and
+    the date of the codes."""
+    whole = exposed_whole(manifest)
+    each = 1 if whole or camera.exposure == "per-slot" else camera.slots
+    notes = {GAIN: gain, WHITE: camera.full_scale if whole else camera.white, AVERAGED: repeats * each}
+    return notes | ({CODES_DATE: manifest[CODES_DATE]} if CODES_DATE in manifest else {})
 
 
 def _series(folder: Path, record: dict[str, Any], camera: Camera) -> dict[str, torch.Tensor]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,18 +108,36 @@ def calibrated_snapshot(snapshot: Snapshot[Any], calibration: Calibration) -> Sn
     if "calibration" in snapshot.notes:
         found = f"a snapshot that {snapshot.notes['calibration']} was applied to"
         raise DataError(calibration.where, found, "one of the camera as it was designed", "name no calibration")
-    camera = calibrated(snapshot.camera, calibration, snapshot.notes)
-    values, notes = snapshot.values, snapshot.notes
-    if notes.get("values") == RAW:
-        values = from_digital_numbers(values, calibration, camera.full_scale)
-    elif {GAIN, WHITE, AVERAGED} <= notes.keys() and {"dark", "flat"} <= calibration.parts.keys():
+    camera, correct = correction(snapshot.camera, calibration, snapshot.notes)
+    notes = {k: v for k, v in snapshot.notes.items() if k != "values"}
+    warn_of_missing(calibration, snapshot.camera, snapshot.notes)
+    return Snapshot(correct(snapshot.values), camera, {**notes, "calibration": calibration.where})
+
+
+def correction(
+    camera: Camera, calibration: Calibration, notes: dict[str, Any]
+) -> tuple[Any, Callable[[Tensor], Tensor]]:
+    """The calibrated camera, and what brings captures of the nominal one with these notes onto its planes, see
+    ``calibrated_snapshot``: (…, C, H, W') → (…, C, H, W').
+
+    Raises:
+        DataError: digital numbers without dark and flat, or see ``calibrated``.
+        SettingError: see ``calibrated``.
+    """
+    measured = calibrated(camera, calibration, notes)
+    raw = notes.get("values") == RAW
+    joined = not raw and {GAIN, WHITE, AVERAGED} <= notes.keys() and {"dark", "flat"} <= calibration.parts.keys()
+    gain, white = 1.0, measured.full_scale
+    if joined:
         gain, white, frames = (float(notes[name]) for name in (GAIN, WHITE, AVERAGED))
-        values = from_digital_numbers(values / gain, calibration, white, above_dark=True)
-        camera.sensor = captured_sensor(snapshot.camera, calibration, gain, white, frames)
-    values = lab_camera(camera).on_camera(values, snapshot.camera, camera)
-    notes = {k: v for k, v in notes.items() if k != "values"}
-    _warn_of_missing(calibration, snapshot)
-    return Snapshot(values, camera, {**notes, "calibration": calibration.where})
+        measured.sensor = captured_sensor(camera, calibration, gain, white, frames)
+
+    def correct(values: Tensor) -> Tensor:
+        if raw or joined:
+            values = from_digital_numbers(values / gain, calibration, white, above_dark=joined)
+        return lab_camera(camera).on_camera(values, camera, measured)
+
+    return measured, correct
 
 
 def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Snapshot[Any]:
@@ -141,10 +159,10 @@ def load_snapshot(path: str | Path, calibration: str | Path | None = None) -> Sn
     return taken
 
 
-def _warn_of_missing(calibration: Calibration, taken: Snapshot[Any]) -> None:
-    """Frames of slots that were masked afterwards have no timing to measure."""
-    whole = float(taken.notes.get(WHITE, taken.camera.full_scale)) == taken.camera.full_scale
-    if missing := not_measured(calibration, taken.camera, whole):
+def warn_of_missing(calibration: Calibration, camera: Camera, notes: dict[str, Any]) -> None:
+    """Warn of steps that a calibration lacks; frames of slots that were masked afterwards have no timing to measure."""
+    whole = float(notes.get(WHITE, camera.full_scale)) == camera.full_scale
+    if missing := not_measured(calibration, camera, whole):
         text = f"{calibration.where}: not measured: {missing}; what was drawn is used"
         warn(text, NotMeasured, stacklevel=3)
 

@@ -106,6 +106,14 @@ def taken_with(path: str | Path) -> dict[str, Any]:
     return dict(captures_of_bench(path)["taken_with"]) if (Path(path) / CAPTURES).is_file() else {}
 
 
+def whole_exposures(path: str | Path) -> bool | None:
+    """Whether a bench took frames of even light as whole exposures, in which the sensor codes its shutter, and not slot
+    by slot; None of frames that no bench took."""
+    if not (Path(path) / CAPTURES).is_file():
+        return None
+    return any(frame.get("slot") is None for frame in captures_of_bench(path)["frames"].values())
+
+
 def averaged(values: ArrayLike, keys: Sequence[tuple[float, ...]]) -> tuple[Array, list[tuple[float, ...]]]:
     """Mean of the frames of every key, and the keys in ascending order."""
     distinct, index = np.unique(np.array(keys), axis=0, return_inverse=True)

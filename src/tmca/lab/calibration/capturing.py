@@ -19,7 +19,7 @@ from tmca.lab.acquisition.session import Progress, calls_of, check_camera, frame
 from tmca.lab.calibration.captures import calibration_patterns, read_patterns, write_patterns
 from tmca.lab.calibration.fits import DRAWN
 from tmca.lab.calibration.shots import BUCKET, CODES, IN_TURN, OPEN, PATTERNS, Asked, Shot, pair_name
-from tmca.lab.calibration.steps import step_of, steps_of
+from tmca.lab.calibration.steps import step_of, steps_of, why_without
 from tmca.lab.cameras import lab_camera
 from tmca.lab.display.codes import Planes, by_slot
 from tmca.lab.display.export import Export, export_like
@@ -32,7 +32,10 @@ def shots_of(step: str, camera: Camera, manifest: dict[str, Any], asked: Asked) 
     Raises:
         SettingError: a step that this camera does not have, or needs a wavelength.
     """
-    check_choice("step", step, steps_of(camera, manifest))
+    steps = steps_of(camera, manifest)
+    if step not in steps and (why := why_without(step, camera, manifest)):
+        raise SettingError("step", f"{step!r}, but {why}", f"one of {', '.join(steps)}")
+    check_choice("step", step, steps)
     slot = int(step.removeprefix("psf")) if step.startswith("psf") else 0
     return list(step_of(step).acquire(camera, manifest, asked, slot))
 

@@ -14,7 +14,7 @@ from tmca.cameras import Snapshot
 from tmca.data import metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.buckets import measure_buckets
-from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with
+from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with, whole_exposures
 from tmca.lab.calibration.displacement import REGISTERED_AT, Curve, measure_dispersion, measure_shear
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
@@ -33,6 +33,8 @@ EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
 
 DRAWN = "drawn_map"
 """Note of a registration's frames: where the mask was drawn, (2, 3) from code to sensor pixels."""
+WHOLE = "whole_exposures"
+"""Setting of a flat that a bench took: whether the sensor codes its shutter, and has a timing."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,10 @@ def flat(seen: Captured) -> dict[str, Fitted]:
     if seen.buckets > 1:
         means = field.gain.mean((1, 2))
         residuals |= {f"gain_of_bucket_{r + 1}": float(means[r] / means[0]) for r in range(1, seen.buckets)}
-    return {"flat": Fitted(field, residuals, {"white_level": level, "reflectance": reflectance}, [given.white])}
+    settings: dict[str, Any] = {"white_level": level, "reflectance": reflectance}
+    if (whole := whole_exposures(seen.path)) is not None:
+        settings[WHOLE] = whole
+    return {"flat": Fitted(field, residuals, settings, [given.white])}
 
 
 def _of_buckets(seen: Captured, dark: DarkField) -> list[Array]:

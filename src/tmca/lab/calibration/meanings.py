@@ -29,7 +29,7 @@ _MEANINGS: dict[str, dict[str, tuple[str, str]]] = {
         "saturation": (_DN, "level above the dark at which most pixels are saturated"),
         "gain": ("electrons per digital number", "gain, by photon transfer"),
         "gain_std": ("electrons per digital number", "standard deviation of the gain"),
-        "read_noise": ("electrons", "read noise, by photon transfer"),
+        "read_noise": ("electrons", "read noise of the dark frames"),
     },
     "registration": {
         "matrix": (_MAP, "place of a code pixel (row, column, 1)"),

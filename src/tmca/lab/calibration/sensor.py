@@ -182,7 +182,7 @@ class Linearity:
         saturation: level above the dark at which most pixels are saturated; NaN where none was reached.
         gain: electrons per digital number, by photon transfer.
         gain_std: of it.
-        read_noise: of the photon transfer's line at no light, electrons.
+        read_noise: of the dark frames, electrons; the photon transfer's line at no light is less sure.
     """
 
     exposures: Array
@@ -218,6 +218,7 @@ class Linearity:
             "electrons_per_dn": self.gain,
             "electrons_per_dn_std": self.gain_std,
             "read_noise_electrons": self.read_noise,
+            "read_noise_electrons_std": self.read_noise * self.gain_std / self.gain,
             "full_well_electrons": self.full_well,
         }
         if self.gain_is_known:
@@ -270,8 +271,8 @@ def measure_linearity(
         what = f"a response that is off a line by {np.nanmax(np.abs(deviations)):.1%}"
         remedy = "check the exposures; switch gamma off, keep the lamp steady"
         raise DataError(source, what, f"{LARGEST_DEVIATION:.0%} at most", remedy)
-    transfer = _transfer(levels[used], variances[used], values.shape[1], source)
-    return Linearity(times, levels, variances, slope, offset, deviations, saturation, *transfer)
+    gain, std = _transfer(levels[used], variances[used], source)
+    return Linearity(times, levels, variances, slope, offset, deviations, saturation, gain, std, dark.noise * gain)
 
 
 def _used(times: Array, levels: Array, share: Array, saturation: float, source: object) -> np.ndarray:
@@ -286,15 +287,14 @@ def _used(times: Array, levels: Array, share: Array, saturation: float, source: 
     return np.asarray(used)
 
 
-def _transfer(levels: Array, variances: Array, frames: int, source: object) -> tuple[float, float, float]:
-    """Electrons per digital number, its standard deviation, and electrons of read noise."""
+def _transfer(levels: Array, variances: Array, source: object) -> tuple[float, float]:
+    """Electrons per digital number, and its standard deviation."""
     if not (variances > 0).all():
         raise DataError(source, "frames that repeat without any noise", "shot noise", "is it a raw capture?")
-    (slope, floor), covariance = np.polyfit(levels, variances, 1, w=1 / variances, cov=True)
+    (slope, _), covariance = np.polyfit(levels, variances, 1, w=1 / variances, cov=True)
     if not slope > 0:
         raise DataError(source, "noise that does not grow with the light", "shot noise", "is it a raw capture?")
-    std = np.sqrt(covariance[0, 0]) / slope**2
-    return float(1 / slope), float(std), float(np.sqrt(max(floor, 0.0)) / slope)
+    return float(1 / slope), float(np.sqrt(covariance[0, 0]) / slope**2)
 
 
 def mended(values: Array, bad: np.ndarray) -> Array:

@@ -68,10 +68,18 @@ def steps_of(camera: Camera, manifest: dict[str, Any]) -> tuple[str, ...]:
 
     One slot has no timing: no other one says when it begins and ends; one bucket shares its light with no other.
     """
-    possible = {"timing": exposed_whole(manifest) and camera.slots > 1, "buckets": camera.buckets > 1}
-    names = [name for name in STEPS if name in lab_camera(camera).steps and possible.get(name, True)]
+    names = [name for name in STEPS if name in lab_camera(camera).steps and not why_without(name, camera, manifest)]
     slots = [f"psf{slot}" for slot in range(camera.slots)]
     return tuple(part for name in names for part in (slots if name == "psf" else [name]))
+
+
+def why_without(step: str, camera: Camera, manifest: dict[str, Any]) -> str:
+    """Why a camera behind the devices of an export has no such step; empty where it may have it."""
+    if step == "timing" and camera.slots == 1:
+        return "one slot alone has none"
+    if step == "timing" and not exposed_whole(manifest):
+        return "the sensor does not code this shutter, it is laid on the frames afterwards"
+    return "the sensor has one bucket" if step == "buckets" and camera.buckets == 1 else ""
 
 
 def not_measured(calibration: Calibration, camera: Camera | None = None, whole: bool = True) -> str:
@@ -85,7 +93,8 @@ def not_measured(calibration: Calibration, camera: Camera | None = None, whole: 
     there = {step_of(name).name for name in calibration.parts}
     kinds = [camera.kind] if camera else [kind for kind, lab in LAB_CAMERAS.items() if there <= lab.steps]
     sensor = calibration.about["camera"].get("sensor") or ()
-    possible = {"buckets": len(sensor) == 3, "timing": whole and (camera is None or camera.slots > 1)}
+    coded = whole and calibration.settings("flat").get(fits.WHOLE, True)
+    possible = {"buckets": len(sensor) == 3, "timing": coded and (camera is None or camera.slots > 1)}
     missing = []
     for name, step in STEPS.items():
         having = [kind for kind in kinds if name in LAB_CAMERAS[kind].steps]

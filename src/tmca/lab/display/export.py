@@ -21,7 +21,7 @@ from tmca.data.atomic import sweep
 from tmca.errors import OutputError, SettingError, check_range
 from tmca.lab.display.codes import Planes, Size, check_buckets, numbers_of, read_table, table, terms_of
 from tmca.lab.display.devices import PLANES, DeviceDescription, grey_of, response
-from tmca.lab.display.manifest import FORMAT, NAME, SOURCE_AT, digest, read_frame, write_frame
+from tmca.lab.display.manifest import FORMAT, NAME, SOURCE_AT, digest, read_frame, read_manifest, write_frame
 from tmca.lab.display.placement import Affine, Placement
 from tmca.lab.notes import CODES_DATE, date_of_codes, now
 from tmca.summaries import Summary
@@ -63,7 +63,7 @@ _TRIGGERS = {
     "emulated-shutter": {"source": "software", "edge": "none", "shows": "one frame a slot, masked afterwards"},
 }
 _SLOTS = 4
-_LITTLE = 0.1
+LITTLE = 0.1
 """Share of a device below which codes are probably one tile of many."""
 EXPOSURE = 0.1
 """Seconds of all slots together where neither the call nor the codes say it."""
@@ -157,7 +157,7 @@ def export_codes(
 
 def _warn_of_small_codes(codes: Planes, device: DeviceDescription, placement: Placement) -> None:
     """Of a snapshot or weights the camera says the size; a file of codes alone may hold a tile that does not say so."""
-    if placement.share >= _LITTLE or codes.settings is not None or device.plane in codes.tiled:
+    if placement.share >= LITTLE or codes.settings is not None or device.plane in codes.tiled:
         return
     rows, columns = placement.code
     fill = f"{rows}×{columns} code pixels fill {100 * placement.share:.3g}% of {device.name}"
@@ -191,6 +191,7 @@ def _written(codes: Planes, shown: Sequence[_Shown], folder: Path, exposure: flo
         temporary.mkdir()
         manifest = _manifest(codes, exposure, [_plane(codes, *one, exposure, temporary) for one in shown])
         write_json(manifest, temporary / NAME)
+        manifest = read_manifest(temporary)  # drivers get the same types whether it was read or written
     return Export(folder, manifest)
 
 

@@ -142,4 +142,14 @@ class Placement:
         where = "--calibration" if self.affine is not None else "--offset" if any(self.offset) else "--macro-pixel"
         expected = f"all on its {self.device[0]}×{self.device[1]} pixels, at 1 of them or more each"
         remedy = "take a smaller code, --macro-pixel 2 or more where patterns are turned, and no --offset"
+        upright = self.angle == 0 and self.lattice == "square" and self.affine is None
+        if upright and any(n * self.macro_pixel > room for n, room in zip(self.code, self.device, strict=True)):
+            remedy = self._smaller()
         raise SettingError(where, found, expected, remedy)
+
+    def _smaller(self) -> str:
+        """What would fit of an upright code that does not."""
+        side = min(room // n for n, room in zip(self.code, self.device, strict=True))
+        rows, columns = (int(room // self.macro_pixel) for room in self.device)
+        smaller = f"a code of {rows}x{columns} or less (--code-size where it repeats)"
+        return f"take --macro-pixel {side} or less, or {smaller}" if side else f"take {smaller}"

@@ -2,6 +2,16 @@
 
 from tmca.lab.live.exposures import Exposure, Exposures
 from tmca.lab.live.loop import Live, Shown
-from tmca.lab.live.recording import Recording, check_recording, recorded
+from tmca.lab.live.recording import Recording, check_recording, frames_recorded, last_recorded, recorded
 
-__all__ = ["Exposure", "Exposures", "Live", "Recording", "Shown", "check_recording", "recorded"]
+__all__ = [
+    "Exposure",
+    "Exposures",
+    "Live",
+    "Recording",
+    "Shown",
+    "check_recording",
+    "frames_recorded",
+    "last_recorded",
+    "recorded",
+]

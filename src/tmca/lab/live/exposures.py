@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,18 @@ from tmca.errors import check_range
 from tmca.lab.acquisition.captures import DARK, frames_of
 from tmca.lab.acquisition.drivers import Calls, Device, number_of
 from tmca.lab.acquisition.frame_folder import FrameFolder
-from tmca.lab.acquisition.session import calls_of, check_camera, frame_of, opened_of, read_noise, units_of, with_noise
+from tmca.lab.acquisition.session import (
+    calls_of,
+    check_camera,
+    frame_of,
+    notes_of_frames,
+    opened_of,
+    read_noise,
+    units_of,
+    with_noise,
+)
+from tmca.lab.calibration.apply import check_fits, correction, warn_of_missing
+from tmca.lab.calibration.file import Calibration
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import check_export, exposed_whole
 from tmca.lab.frames import check_size
@@ -54,6 +66,8 @@ class Exposures:
         export: folder of `tmca export`.
         device: the bench.
         camera: with the codes of the export.
+        calibration: of the camera: exposures are then those of the calibrated one, on its planes, as `tmca reconstruct`
+            corrects a capture of the same frames.
         timeout: seconds for every answer of a driver; see `tmca.lab.acquisition.capture`.
         rate: most exposures a second; None for as many as there are.
 
@@ -62,7 +76,7 @@ class Exposures:
         taking: held by the loop that takes.
 
     Raises:
-        DataError: an export that was changed, or codes of another camera.
+        DataError: an export that was changed, codes of another camera, or a calibration of another one.
         SettingError: a rate that is none.
     """
 
@@ -72,6 +86,7 @@ class Exposures:
         device: Device,
         camera: Camera,
         *,
+        calibration: Calibration | None = None,
         timeout: float | None = None,
         rate: float | None = None,
     ) -> None:
@@ -79,7 +94,11 @@ class Exposures:
             check_range("rate", rate, above=0)
         self.manifest, self.export, self.device = check_export(export), Path(export), device
         check_camera(export, camera)
-        self.camera, self.rate, self.number = camera, rate, 0
+        self.camera, self.calibration, self.rate, self.number = camera, calibration, rate, 0
+        self._size = tuple(camera.snapshot_shape)
+        self._correct: Callable[[Tensor], Tensor] = lambda values: values
+        if calibration is not None:
+            check_fits(camera, calibration, self.manifest)
         self.whole = exposed_whole(self.manifest)
         self.steps = [frame for frame in frames_of(self.manifest) if frame.of != DARK]
         self.calls: Calls = calls_of(device, self.manifest, timeout)
@@ -116,6 +135,10 @@ class Exposures:
         if not self.camera.noise.read and not self.camera.noise.shot:
             read = self.gain * read_noise(torch.stack(darks), torch.ones(len(self.steps)), self._opened, self.camera)
             self.camera = with_noise(self.camera, read, 1.0)
+        if self.calibration is not None:
+            notes = notes_of_frames(self.manifest, self.camera, self.gain)
+            warn_of_missing(self.calibration, self.camera, notes)
+            self.camera, self._correct = correction(self.camera, self.calibration, notes)
 
     def __exit__(self, *error: object) -> None:
         self.stopped.set()
@@ -140,7 +163,7 @@ class Exposures:
         light = (frames - self._dark) * self.gain * self._opened.to(frames)[:, None]
         values = light.sum(0) if self.camera.exposure == "per-slot" else light.mean(0)
         self.number, now = number + 1, time.monotonic()
-        return Exposure(number, values[None].float(), saturated, now - begun, now)
+        return Exposure(number, self._correct(values[None].float()), saturated, now - begun, now)
 
     def _wait(self, stopped: Event) -> None:
         """Until the next exposure may begin."""
@@ -153,5 +176,5 @@ class Exposures:
         """(C, H, W') digital numbers."""
         values: NDArray[Any] = frame_of(self.calls, slot, self.whole and not name.startswith(DARK), name)
         values = values[None] if values.ndim == 2 else values
-        check_size(Path(name), "a frame", values.shape, self.camera.snapshot_shape)
+        check_size(Path(name), "a frame", values.shape, self._size)
         return torch.from_numpy(values.astype(np.float64))

@@ -6,11 +6,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from tmca.attributes import OpenAttributes, attributes_of
 from tmca.cameras import CAMERAS, Camera, Snapshot
@@ -21,6 +22,9 @@ from tmca.data.formats.stored import whole_file
 from tmca.errors import DataError, OutputError, TmcaError, check_choice
 from tmca.lab.live.loop import Shown
 from tmca.stored_numbers import check_finite
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FORMAT = "tmca recording 1"
 _BLOCK = 64
@@ -91,13 +95,17 @@ class Recording:
 
     def _begin(self) -> None:
         """Write what is known before the first frame."""
+        import xarray as xr
         import zarr
 
         with atomic_path(self.path, overwrite=self.overwrite) as temporary:
             fields = ("field", list(FIELDS), {"long_name": "what a column of the log is"})
             dataset = self.camera.variables().assign_coords(field=fields).assign_attrs(recording=FORMAT)
             dataset.to_zarr(temporary, mode="w-", consolidated=False, zarr_format=2)
-            self._make_arrays(zarr.open_group(temporary, mode="r+", zarr_format=2).create_group(_FRAMES))
+            coordinates = {"field": dataset["field"]} | (self._coordinates() if self.estimates else {})
+            frames = xr.Dataset(coords=coordinates)
+            frames.to_zarr(temporary, group=_FRAMES, mode="a", consolidated=False, zarr_format=2)
+            self._make_arrays(zarr.open_group(temporary / _FRAMES, mode="r+", zarr_format=2))
             _consolidate(temporary)
         group = zarr.open_group(self.path / _FRAMES, mode="r+", zarr_format=2)
         self._arrays = {name: group[name] for name in self._shapes()}
@@ -130,6 +138,11 @@ class Recording:
             array.resize((room, *array.shape[1:]))
         _consolidate(self.path)
         self._room = room
+
+    def _coordinates(self) -> dict[Any, Any]:
+        """Of the axes of an estimate."""
+        labelled = self.camera.label(torch.zeros(1, *self.camera.scene_shape))
+        return {name: one.variable for name, one in labelled.coords.items() if one.dims == (name,)}
 
     def _shapes(self) -> dict[str, tuple[tuple[int, ...], tuple[str, ...]]]:
         """Shape and axes of a frame in every array."""
@@ -199,19 +212,83 @@ def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
         DataError: no recording, or one that is damaged.
     """
     path = Path(path)
+    camera = _camera(path)
+    snapshots, log = _frames(path, camera)
+    for place, row in _whole(path, snapshots, log):
+        yield _snapshot(path, camera, snapshots, place, row)
+
+
+def frames_recorded(path: str | Path) -> int:
+    """How many whole frames a recording has; errors as of ``recorded``."""
+    path = Path(path)
+    return sum(1 for _ in _whole(path, *_frames(path, _camera(path))))
+
+
+def last_recorded(path: str | Path) -> tuple[Snapshot[Any], xr.DataArray | None]:
+    """The last snapshot of a recording, and its estimate, labelled, if estimates were recorded; of a scene that moves
+    that of the slot in the middle.
+
+    Raises:
+        DataError: no frame, no recording, or one that is damaged.
+    """
+    path = Path(path)
+    camera = _camera(path)
+    snapshots, log = _frames(path, camera)
+    place, row = max(_whole(path, snapshots, log), key=lambda one: one[0], default=(-1, log))
+    if place < 0:
+        raise DataError(path, "no frame", "one or more", "record again")
+    estimates = _estimates(path, camera)
+    estimate = None if estimates is None else _estimate(path, camera, estimates, place)
+    return _snapshot(path, camera, snapshots, place, row), estimate
+
+
+def _camera(path: Path) -> Any:
     dataset = read_dataset(path, ["field"])
     about = attributes_of(_About, dataset.attrs, path)
     check_choice("camera", about.camera, CAMERAS)
-    camera = CAMERAS[about.camera].from_variables(dataset, str(path))
-    snapshots, log = _frames(path, camera)
+    return CAMERAS[about.camera].from_variables(dataset, str(path))
+
+
+def _whole(path: Path, snapshots: Any, log: Any) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Place and log of the frames within which the process was not ended."""
     for place in range(min(snapshots.shape[0], log.shape[0])):
         with whole_file(path, _WHOLE):
-            row, values = np.asarray(log[place], dtype=np.float64), np.asarray(snapshots[place], dtype=np.float32)
-        if not np.isfinite(row[-1]):
-            continue  # the process was ended within it
-        check_finite(values, path, f"frame {place}")
-        check_finite(row, path, f"log of frame {place}")
-        yield Snapshot(torch.from_numpy(values)[None], camera, dict(zip(FIELDS, row.tolist(), strict=True)))
+            row = np.asarray(log[place], dtype=np.float64)
+        if np.isfinite(row[-1]):
+            yield place, row
+
+
+def _snapshot(path: Path, camera: Any, snapshots: Any, place: int, row: NDArray[np.float64]) -> Snapshot[Any]:
+    values = _values(path, snapshots, place)
+    check_finite(row, path, f"log of frame {place}")
+    return Snapshot(values[None], camera, dict(zip(FIELDS, row.tolist(), strict=True)))
+
+
+def _values(path: Path, array: Any, place: int) -> torch.Tensor:
+    with whole_file(path, _WHOLE):
+        values = np.asarray(array[place], dtype=np.float32)
+    check_finite(values, path, f"frame {place}")
+    return torch.from_numpy(values)
+
+
+def _estimates(path: Path, camera: Any) -> Any:
+    """The array of estimates, not yet read; None where they were not recorded."""
+    from tmca.data.formats.zarr_codecs import open_store
+
+    with whole_file(path, _WHOLE):
+        group: Any = open_store(path / _FRAMES)
+        array = group.get("estimate")
+    if array is not None:
+        still = tuple(camera.scene_shape)
+        moving = getattr(array, "ndim", 0) == len(still) + 2
+        _check_frames(array, (*tuple(array.shape)[1:2], *still) if moving else still, path)
+    return array
+
+
+def _estimate(path: Path, camera: Any, estimates: Any, place: int) -> xr.DataArray:
+    values = _values(path, estimates, place)
+    moving = values.ndim > len(camera.scene_shape)
+    return camera.label(values[len(values) // 2][None] if moving else values[None])
 
 
 def _frames(path: Path, camera: Camera) -> tuple[Any, Any]:
