@@ -8,6 +8,7 @@ import pytest
 import torch
 import xarray as xr
 
+from tests.cli.calls import answer
 from tmca.applications import application_of, evaluate, simulate
 from tmca.applications.demo import run_demo
 from tmca.cameras import Snapshot, SpectralCamera
@@ -141,6 +142,11 @@ def test_the_demo_leaves_a_report_with_pictures(tmp_path, monkeypatch, capsys):
     assert all(row["psnr"] > 10 and 0 <= row["depth_mae"] < 1.6 for row in found["spectral_depth"])
     page = (tmp_path / "demo" / "report.html").read_text()
     assert len(re.findall("data:image/(?:png|webp|gif);base64,", page)) == 12
+    estimate, row = tmp_path / "demo" / "coffee_static_lmmse.nc", found["rows"][5]
+    assert (row["scene"], row["code"]) == ("coffee", "static (CASSI)")
+    assert answer(capsys, "evaluate", estimate, tmp_path / "demo" / "coffee_scene.nc")["psnr"] == pytest.approx(
+        row["psnr"]
+    )
     assert Snapshot.load(tmp_path / "demo" / "light_field_onehot8_snapshot.nc").camera.views == (5, 5)
     assert Snapshot.load(tmp_path / "demo" / "spectral_depth_onehot4_snapshot.nc").camera.slots == 4
     assert Snapshot.load(tmp_path / "demo" / "coffee_buckets4_snapshot.nc").camera.buckets == 2

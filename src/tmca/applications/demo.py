@@ -16,7 +16,7 @@ from tmca.applications.imaging import evaluate, metric_notes, simulate
 from tmca.applications.pictures import save_picture
 from tmca.applications.report import Section, write_report
 from tmca.cameras import Camera, Snapshot, load_cameras
-from tmca.data import atomic_path, make_folder
+from tmca.data import atomic_path, make_folder, write_dataset
 from tmca.decoders import Estimate, decode
 from tmca.errors import OutputError, TmcaError
 from tmca.workers import in_processes
@@ -78,6 +78,7 @@ class Demo(ABC):
     scenes: ClassVar[tuple[str, ...]]
     columns: ClassVar[Columns | None] = None
     share: ClassVar[Fraction] = Fraction(1)
+    writes_scene: ClassVar[bool] = False  # where no command makes a rendered scene this small
 
     @abstractmethod
     def scene(self, name: str, size: tuple[int, int]) -> Any:
@@ -208,7 +209,8 @@ class _Part:
         tell(f"{self.kind}: {self.name}")
         height, width = (max(32, int(side * demo.share)) for side in self.size)
         scene = demo.scene(self.name, self.size if demo.share == 1 else (height, width))
-        taken = {one.trial.code: one for one in self._taken(scene, demo, tell)}
+        notes = self._written(scene) if demo.writes_scene else {}
+        taken = {one.trial.code: one for one in self._taken(scene, demo, notes, tell)}
         named = {"scene": self.name} if len(demo.scenes) > 1 else {}
         rows = [{"code": code, **named, **_figures(one, scene)} for code, one in taken.items()]
         figures = demo.figures(self.name, scene, taken)
@@ -217,12 +219,19 @@ class _Part:
             for file, (caption, picture) in figures.items()
         }
 
-    def _taken(self, scene: Any, demo: Demo, tell: Callable[[str], None]) -> Iterator[Taken]:
+    def _written(self, scene: Any) -> dict[str, str]:
+        """Writes the scene beside its snapshots, whose truth it is; their note of that."""
+        name = f"{self.name}_scene"
+        write_dataset(scene.to_dataset(name="radiance"), self.out / f"{name}.nc", overwrite=self.overwrite)
+        return {"scene": name}
+
+    def _taken(self, scene: Any, demo: Demo, notes: Mapping[str, str], tell: Callable[[str], None]) -> Iterator[Taken]:
         """The scene through every camera and back, with their files."""
         for trial in demo.trials(scene):
             step = f"{trial.stem}: {trial.code}"
             tell(step)
             snapshot = simulate(scene, trial.camera)
+            snapshot.notes |= notes
             snapshot.save(self.out / f"{trial.stem}_snapshot.nc", overwrite=self.overwrite)
             estimate = decode(snapshot, trial.decoder, progress=_reporter(tell, step), **trial.settings)
             metrics = evaluate(estimate, scene)

@@ -47,6 +47,7 @@ class SpectralDemo(Demo):
     scenes = ("motorcycle", "coffee")
     shown = "two buckets, K = 4"
     read_noise, bands, period = 1e-3, 12, 32
+    writes_scene = True
     codes: Mapping[str, tuple[str, dict[str, Any]]] = {
         "static (CASSI)": ("static", {"slots": 1, "aperture": "random", "shutter": "open"}),
         "two buckets, K = 4": ("buckets4", {"slots": 4, "aperture": "random", "shutter": "balanced", "buckets": 2}),
