@@ -20,7 +20,7 @@ from tmca.errors import DataError, SettingError
 from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.own import _code_names, own_study, read_sensors
-from tmca.evaluation.page import over
+from tmca.evaluation.gains import over
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 from tmca.evaluation.tables import latex_table, made_by

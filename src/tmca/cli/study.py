@@ -86,6 +86,7 @@ def study(
 
 def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool, markdown: bool) -> None:
     """The whole page, or the table that people read first and where the rest is."""
+    from tmca.evaluation.gains import multiplexing
     from tmca.evaluation.paper import summary
     from tmca.evaluation.tables import markdown_table
 
@@ -96,6 +97,7 @@ def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool
     open_first = f"open {out / asked.name}.html; beside it {names}"
     rows, columns = summary(asked, found)
     notes = [*([found["bands"]] if found.get("bands") else []), *asked.evaluation.warnings(rows)]
+    notes += multiplexing(found, asked)
     say(found, json, markdown_table(rows, columns), *notes, open_first, markdown=markdown)
 
 

@@ -228,6 +228,13 @@ def plain_columns(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(n for row in rows for n, value in row.items() if isinstance(value, str | int | float)))
 
 
+def columns_there(columns: Iterable[Column], rows: Sequence[Row]) -> list[Column]:
+    """Columns that some row has; seeds and scenes one by one where some row has several."""
+    there = [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
+    alone = {name for name in ("seeds", "scenes") if not any(", " in str(row.get(name, "")) for row in rows)}
+    return [column for column in there if column[0] not in alone]
+
+
 def _training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:
     """CPU minutes of learning, means over seeds: of the row's network, and of that which its codes learned with."""
     learn = study.codes[code].learn
