@@ -19,8 +19,9 @@ from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
 from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
-from tmca.evaluation.own import _code_names, own_study, read_sensors
 from tmca.evaluation.gains import over
+from tmca.evaluation.own import _code_names, own_study
+from tmca.evaluation.own_sensors import read_sensors
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 from tmca.evaluation.tables import latex_table, made_by

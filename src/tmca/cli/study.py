@@ -105,7 +105,6 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     """The study that options describe."""
     from tmca.evaluation.own import own_study
     from tmca.evaluation.tables import check_counts
-    from tmca.lab.decoder_files import decoders_named
     from tmca.specs.base import range_of_nm
     from tmca.yaml_files import parsed_yaml
 
@@ -120,7 +119,8 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
         }
     }
     how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1, "range": range_of_nm(given["range"])}
-    return own_study(scenes, decoders=decoders_named(decoders or "", "decoders"), **how)
+    named = [text.strip() for text in (decoders or "").split(",") if text.strip()]
+    return own_study(scenes, decoders=named, **how)
 
 
 def _described(file: str, decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

@@ -103,8 +103,10 @@ def multiplexing(found: Row, study: Study) -> list[str]:
     said = []
     for (decoder, noise, part), rows in grouped(margins(found, study), "decoder", "noise", "part").items():
         where = ", ".join([decoder, *([noise] if len(study.noises) > 1 else []), *([part] if part else [])])
-        over = [f"over {base}{'' if BURST[2:] in base else f' ({against})'} {', '.join(_gained(row, study) for row in own)}"
-                for (against, base), own in grouped(rows, "against", "base").items()]  # fmt: skip
+        over = []
+        for (against, base), own in grouped(rows, "against", "base").items():
+            what = "" if BURST[2:] in base else f" ({against})"
+            over.append(f"over {base}{what} {', '.join(_gained(row, study) for row in own)}")
         said.append(f"Time multiplexing ({where}): {'; '.join(over)}.")
     return said
 
@@ -144,9 +146,10 @@ def multiplexed(found: Row, study: Study) -> Iterator[Section]:
     text += "the table of predictions says; else, and where it says so, in hindsight."
     if study.figure and not any("hindsight" in row for row in rows):
         text = "For each decoder, the best code of several slots over the best of one slot, with one bucket of a pixel "
-        text += "and with two. Both are chosen by what was measured on these scenes. A burst multiplexes nothing: gains "
-        text += "over it are told apart."
+        text += (
+            "and with two. Both are chosen by what was measured on these scenes. A burst multiplexes nothing: it is "
+        )
+        text += "held against them, too."
     if rows:
-        yield Section("Time-multiplexed over static codes", [*multiplexing(found, study), text], rows, columns_there(columns, rows))
-
-
+        said = [*multiplexing(found, study), text]
+        yield Section("Time-multiplexed over static codes", said, rows, columns_there(columns, rows))

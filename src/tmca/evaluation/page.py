@@ -117,13 +117,12 @@ def markdown(found: Row) -> str:
     learned = ", ".join(split["train"]) or "the rendered training scenes"
     bands = f" {found['bands']}." if found.get("bands") else ""
     words = {name: _words(found[name]) for name in ("study", "split", "budget")}
-    about = [*study.about, *([study.about_networks] if found["budget"]["training"] and study.about_networks else [])]
     lines = [
         f"# {page_title(study)}", "", made_by(found), "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
         f"all rows. Means over scenes of means over seeds, then scene by scene.{bands} Light is the share of a white "
         "scene's light that passes mask and shutter.", "",
-        *(line for text in about for line in (filled(text, words), "")),
+        *(line for text in said_about(found, study) for line in (text, "")),
     ]  # fmt: skip
     for section in sections(found, study):
         lines += [
@@ -136,6 +135,13 @@ def markdown(found: Row) -> str:
         lines += ["## Pictures", "", f"Some rows, {study.shown_noise}, first seed.", ""]
         lines += [line for file, caption in found["pictures"].items() for line in (f"![{caption}]({file})", "")]
     return "\n".join(lines)
+
+
+def said_about(found: Row, study: Study) -> list[str]:
+    """Paragraphs of the page: what is doubtful, and what the study says."""
+    words = {name: _words(found[name]) for name in ("study", "split", "budget")}
+    networks = [study.about_networks] if found["budget"]["training"] and study.about_networks else []
+    return [*study.doubts, *(filled(text, words) for text in (*study.about, *networks))]
 
 
 def page_title(study: Study) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.report import Section, write_report
 from tmca.data import read_dataset, write_text
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.page import page_title, sections, slug
+from tmca.evaluation.page import page_title, said_about, sections, slug
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import MEASURED, Column, Row, grouped, latex_table, not_meaningful
 from tmca.metrics import meaning
@@ -94,7 +94,7 @@ def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]
     """What was compared, the table, the figures, and all the tables."""
     rows, columns = summary(study, found)
     more = [one for one in sections(found, study) if not _repeats(one, rows, columns)]
-    paragraphs = [*_about(study, found), *_in_words(columns), *not_meaningful(rows)]
+    paragraphs = [*said_about(found, study), *_about(study, found), *_in_words(columns), *not_meaningful(rows)]
     made = [Section("Results", paragraphs, rows, columns)]
     for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
         figure.set_dpi(_MORE if place else _READ)

@@ -105,7 +105,7 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     if files := [name for name in unknown if is_file(name)]:
         remedy = f"pass --decoders {quote(','.join(files))} if you trust {'it' if len(files) == 1 else 'them'}"
         found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
-        raise SettingError("decoders", found, "code that the command line names", remedy)
+        raise SettingError("decoders", found, "code that the command line, or own_study, names", remedy)
     if unknown:
         raise unknown_decoder("decoders", unknown[0], known)
     if not decoders:
