@@ -13,6 +13,7 @@ from tmca.evaluation.own import own_study
 from tmca.evaluation.page import markdown, results
 from tmca.evaluation.run import run_study
 from tmca.evaluation.study import checked_study, read_study
+from tmca.evaluation.tables import latex_table
 from tmca.sensor import SensorWarning
 
 UNEVEN = np.array([429.5, 442.5, 456, 471.5, 489.5, 510.5, 534, 562, 598, 646, 687]) * 1e-9
@@ -138,3 +139,11 @@ def test_doubts_about_the_sensor_stand_on_the_page(here):
     assert "Warning: sensor sensor: read_noise 4 is in units of one white band" in page
     assert own_study("coffee", codes=["cassi", "burst"], **how).about == ()
     assert read_study("spectral").doubts == []
+
+
+def test_a_table_for_latex_tells_the_spread_over_seeds():
+    rows = [{"code": "a", "psnr": 30.0, "seed_psnr": [29.0, 31.0]}, {"code": "b", "psnr": 1.0, "seed_psnr": [1.0]}]
+    said = latex_table(rows, [("code", "code", ""), ("psnr", "PSNR (dB)", ".2f")])
+    assert r"a & 30.00 $\pm$ 1.41 \\" in said
+    assert r"b & 1.00 \\" in said
+    assert "% ± standard deviation over seeds" in said

@@ -110,6 +110,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
     written = (here / "mug-study" / "mug.tex").read_text()
     assert written.count(r"\\") == 3
     assert "two-bucket & least norm & " in written
+    assert "seconds" not in written
 
 
 @pytest.mark.slow

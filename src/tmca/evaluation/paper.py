@@ -58,7 +58,9 @@ def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Pat
         figures[scene] = figure = scene_figure(study, cells, _drawn(study, found))
         for suffix in (".pdf", ".png"):
             save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
-    write_text(latex_table(*summary(study, found)), out / f"{study.name}.tex", overwrite=overwrite)
+    rows, columns = summary(study, found)
+    printed = [column for column in columns if column[0] != "seconds"]
+    write_text(latex_table(rows, printed), out / f"{study.name}.tex", overwrite=overwrite)
     write_report(out / f"{study.name}.html", page_title(study), _page(study, found, figures), overwrite=overwrite)
 
 
