@@ -120,7 +120,7 @@ def test_a_sensor_is_an_object_or_its_arguments(sensor, noises):
     assert study.decoders == ("dagger",)
 
 
-@pytest.mark.parametrize(("sensor", "said"), [(3, "found a int, expected a tmca.Sensor"),
+@pytest.mark.parametrize(("sensor", "said"), [(3, "found 3, expected a tmca.Sensor"),
                                               ({"hiss": 1}, "noises.sensor.hiss")])  # fmt: skip
 def test_what_is_no_sensor_is_one_line(sensor, said):
     with pytest.raises(SettingError, match=said):

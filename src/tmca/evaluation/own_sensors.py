@@ -27,10 +27,12 @@ def noises_of(sensor: Any) -> dict[str, Settings]:
         return {"noise-free": {}}
     if isinstance(sensor, str | Path):
         return read_sensors(sensor)
-    if not isinstance(sensor, Sensor | Mapping):
+    if isinstance(sensor, Sensor):
+        return {"sensor": _arguments(sensor)}
+    if not isinstance(sensor, Mapping):
         expected = "a tmca.Sensor, its arguments by their names, or a YAML file"
-        raise SettingError("sensor", f"a {type(sensor).__name__}", expected)
-    several = isinstance(sensor, Mapping) and all(isinstance(one, Sensor | Mapping) for one in sensor.values())
+        raise SettingError("sensor", repr(sensor)[:60], expected)
+    several = all(isinstance(one, Sensor | Mapping) for one in sensor.values())
     named = sensor if several else {"sensor": sensor}
     return {str(name): _arguments(one) if isinstance(one, Sensor) else dict(one) for name, one in named.items()}
 
