@@ -99,3 +99,17 @@ def test_a_time_multiplexed_code_is_a_coloured_aperture_that_nobody_made():
     coloured = SpectralCamera(bands=4, size=(6, 7), coloured=multiplexed.code_cube())
     scene = torch.rand(1, 4, 6, 7)
     assert torch.allclose(coloured.A(scene), multiplexed.A(scene), atol=1e-6)
+
+
+def test_sizes_that_the_scene_gives_are_not_stated():
+    said = repr(SpectralCamera(slots=1))
+    assert "bands and size: those of the first scene" in said
+    assert not any(text in said for text in ("256", "400 to 700"))
+    assert "size: 8×12" in repr(SpectralCamera(size=(8, 12), slots=1))
+    assert "scene: 3×8×12" in repr(SpectralCamera(3, (8, 12), slots=1))
+
+
+@pytest.mark.parametrize(("side", "said"), [(16, "16 × 16 pixels, "), (40, "first 32 × 32 of 40 × 40 pixels, ")])
+def test_a_picture_of_codes_names_a_corner_where_it_is_one(side, said):
+    figure = SpectralCamera(2, (side, side), slots=1).plot(corner=32)
+    assert figure.get_suptitle().startswith(said)

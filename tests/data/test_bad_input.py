@@ -73,6 +73,7 @@ UNUSABLE = {
     "no ENVI": (envi(lambda header, _: header.write_text("none")), "scene.hdr", {}, "truncated ENVI header"),
     "missing": (lambda folder: None, "gone.mat", {}, "no such file or folder"),
     "missing beside another": (text("painting.mat", "x"), "paintin.mat", {}, "did you mean painting.mat?"),
+    "missing beside code": (text("painting.py", "x"), "painting.mat", {}, "check the path"),
     "a text": (text("a.npy", "hello, this is text"), "a.npy", {}, "(it does not begin as what numpy.save writes)"),
     "an empty folder": (folder_of("empty"), "empty", {}, "_ms_01.png"),
     "a folder of other things": (folder_of("other", "notes.txt"), "other", {}, "without band images"),

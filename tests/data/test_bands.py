@@ -80,6 +80,22 @@ def test_bands_that_are_not_there_are_refused(call, error):
         call()
 
 
+@pytest.mark.parametrize("count", [7, 8, 11])
+def test_bands_of_uneven_spacing_are_all_taken_as_they_are(count):
+    chosen = select_bands(UNEVEN, count, (429.5e-9, 687e-9))
+    assert len({*chosen.wavelength_nm.values.tolist()}) == count
+    if count == 11:
+        xr.testing.assert_equal(chosen, UNEVEN)
+        xr.testing.assert_equal(select_bands(UNEVEN[::-1], 11, (429.5e-9, 687e-9)), UNEVEN)
+
+
+@pytest.mark.parametrize(("count", "remedy"), [(9, "ask for 8, or for all 11"), (10, "ask for 8, or for all 11"),
+                                               (12, "ask for 11"), (10**6, "ask for 11")])  # fmt: skip
+def test_the_remedy_of_bands_that_are_not_there_works(count, remedy):
+    with pytest.raises(SettingError, match=f"no {count} different bands.*; {remedy}$"):
+        select_bands(UNEVEN, count, (429.5e-9, 687e-9))
+
+
 NEAR = cube_of(np.arange(700, 1001, 20))
 
 

@@ -10,6 +10,7 @@ from tests.design.small_designs import designed
 from tests.small_scenes import smooth_scene
 from tmca.design import Effort, SensorSheet, advise, design_model, designable, learn_examples
 from tmca.design.advice import _best
+from tmca.design.advised import code_advice
 from tmca.errors import SettingError
 
 SMALL = Effort(descents=1, steps=3, flips=0)
@@ -25,6 +26,16 @@ def examples():
 def several(examples):
     """Advice for a sensor that takes two slots and four."""
     return advise(examples, SensorSheet(), slots=[2, 4], period=(4, 6), survey=SMALL, effort=SMALL, bands=3)
+
+
+def test_advice_is_shown_by_its_sentences_and_as_a_table(several):
+    assert repr(several).startswith("Advice\n  advice: ")
+    assert code_advice(several) in repr(several)
+    assert len(repr(several).splitlines()) == 4
+    assert "data:image/png" in several._repr_html_()
+    table = several.to_pandas()
+    assert table["codes"].tolist() == [each.design.kind for each in several.finals]
+    assert table["gain"].tolist() == [each.gain for each in several.finals]
 
 
 def test_slots_that_fit_the_exposure():

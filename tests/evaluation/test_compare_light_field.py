@@ -14,8 +14,9 @@ from tmca.data import rendered_light_field
 from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, decode
 from tmca.errors import SettingError
+from tmca.evaluation.gains import margins
 from tmca.evaluation.light_field import LightFieldEvaluation
-from tmca.evaluation.page import margins, sections
+from tmca.evaluation.page import sections
 from tmca.evaluation.run import run_study
 from tmca.evaluation.study import checked_study, read_study
 from tmca.metrics import estimate_disparity

@@ -12,7 +12,8 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.data import label, split_rendered, write_dataset
 from tmca.data.depth_scenes import withheld_scene
 from tmca.evaluation.expected import order
-from tmca.evaluation.page import margins, markdown, sections
+from tmca.evaluation.gains import margins
+from tmca.evaluation.page import markdown, sections
 from tmca.evaluation.run import Plan, run_study
 from tmca.evaluation.study import checked_study, read_study, training_of
 

@@ -19,8 +19,9 @@ from tmca.data.scenes import load_scene
 from tmca.errors import DataError, SettingError
 from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
-from tmca.evaluation.own import _code_names, own_study, read_sensors
-from tmca.evaluation.page import over
+from tmca.evaluation.gains import over
+from tmca.evaluation.own import _code_names, own_study
+from tmca.evaluation.own_sensors import read_sensors
 from tmca.evaluation.run import Plan
 from tmca.evaluation.study import read_study
 from tmca.evaluation.tables import latex_table, made_by
@@ -109,6 +110,7 @@ def test_options_say_what_a_yaml_says(here, capsys):
     written = (here / "mug-study" / "mug.tex").read_text()
     assert written.count(r"\\") == 3
     assert "two-bucket & least norm & " in written
+    assert "seconds" not in written
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from tmca.evaluation.camera import evaluation_of
-from tmca.evaluation.page import filled, margins, markdown
+from tmca.evaluation.gains import margins
+from tmca.evaluation.page import filled, markdown
 from tmca.evaluation.study import checked_study, read_study
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"

@@ -174,9 +174,11 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
         return (*(("bucket",) if self.buckets > 1 else ()), "y", "x")
 
     def _facts(self) -> dict[str, str]:
+        axes = _VIEW_AXES if self.views else f"{self.channel}s, rows, columns"
+        known = {} if "size" in self.unbound else {"size": sizes(self.size)}
         return {
-            "scene": f"{sizes(self.scene_shape)} ({_VIEW_AXES if self.views else f'{self.channel}s, rows, columns'})",
-            "bands": range_nm(self.wavelengths),
+            **(known if self.unbound else {"scene": f"{sizes(self.scene_shape)} ({axes})"}),
+            "bands": "" if "bands" in self.unbound else range_nm(self.wavelengths),
             "slots": f"K = {self.slots}, {self.exposure} exposure",
             "buckets": str(self.buckets),
             "noise": self.noise.in_words(),

@@ -150,7 +150,9 @@ class CodedCamera(Camera):
         cubes = cube.reshape(self.buckets, -1, *cube.shape[-2:])
         parts = (shown, shutters, cubes) if self.buckets > 1 else (shown, shutters[0], cubes[0])
         aperture, shutter, code = (plane.numpy(force=True) for plane in parts)
-        size = f"first {min(corner, self.size[0])} × {min(corner, self.size[1])} of {self.size[0]} × {self.size[1]}"
+        size = f"{self.size[0]} × {self.size[1]}"
+        if max(self.size) > corner:
+            size = f"first {min(corner, self.size[0])} × {min(corner, self.size[1])} of {size}"
         buckets = f", {self.buckets} buckets" if self.buckets > 1 else ""
         title = f"{size} pixels, K = {self.slots}{buckets}, light throughput {self.throughput():.1%}"
         return codes_figure(aperture, shutter, code, self.channel_names, title, corner)

@@ -153,8 +153,8 @@ def spectral_depth(
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.design import QUICK
+    from tmca.design.advised import advice_lines
     from tmca.reports.codes import columns_of, other_files
-    from tmca.reports.words import advice_lines
 
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
     with progress_bar(f"design {run.out.name}") as progress:

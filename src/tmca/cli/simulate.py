@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import BENCH, CAMERA, READING, SENSOR, CameraChoice, Faults, code_files
-from tmca.cli.options.numbers import Whole, pair, size
+from tmca.cli.options.numbers import MaybeWhole, Whole, pair, size
 from tmca.cli.options.output import OutputOptions, assumed, centre_assumed, check_targets, say
 from tmca.cli.sweep import one_value
 from tmca.errors import SettingError
@@ -47,7 +47,7 @@ Calibration = Annotated[Path | None, Parameter(help=_CALIBRATION)]
 def spectral(
     *scenes: str,
     crop: str | None = None,
-    bands: Whole = 12,
+    bands: MaybeWhole = None,
     all_bands: bool = False,
     motion: str | None = None,
     calibration: Calibration = None,
@@ -66,15 +66,16 @@ def spectral(
     Args:
         scenes: a cube (.mat, ENVI, TIFF, .npy, NetCDF, HDF5, Zarr, CAVE folder) or a rendered scene such as coffee.
         crop: HEIGHTxWIDTH, the middle of the scene.
-        bands: bands of the camera, nearest to even spacing from 400 to 700 nm.
+        bands: bands of the camera, nearest to even spacing from 400 to 700 nm. [default: 12, or all of fewer]
         all_bands: keep every band of the file instead.
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
     """
     if not scenes:
         raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
-    how = {"bands": None if all_bands else bands, "size": size(crop, "--crop"), **reading.given()}
-    if not (all_bands or "range" in how):
-        how |= _range_of(scenes, how)
+    how = {"size": size(crop, "--crop"), **reading.given()}
+    how |= {"bands": None if all_bands else bands} if all_bands or bands is not None else {}
+    if not (all_bands or {"bands", "range"} <= {*how}):
+        how = _usual_bands(scenes, how) | how
     moved = pair(motion, "--motion")
     choice = CameraChoice(camera, _sensor(sensor_file, sensor))
     taken = _taken(choice, how, scenes, calibration, hardware, output, assumed, motion=moved)
@@ -84,14 +85,17 @@ def spectral(
     _write(*taken, output, about, said)
 
 
-def _range_of(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The range that all scenes cover, where it is not from 400 to 700 nm; it is said."""
+def _usual_bands(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
+    """The range that all scenes cover, where it is not from 400 to 700 nm, which is said; and 12 bands, or all where a
+    scene has fewer."""
     from tmca.data.fitting import usual_span
     from tmca.data.headers import wavelengths_of
 
     about = {name: reading[name] for name in ("wavelengths", "variable") if name in reading}
-    span = usual_span({scene: wavelengths_of(scene, **about) for scene in scenes})
-    return {} if span is None else {"range": span}
+    there = {scene: wavelengths_of(scene, **about) for scene in scenes}
+    span = None if "range" in reading else usual_span(there)
+    bands = 12 if min(map(len, there.values())) >= 12 else None
+    return {"bands": bands, **({} if span is None else {"range": span})}
 
 
 @app.command

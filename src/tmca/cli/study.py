@@ -86,6 +86,7 @@ def study(
 
 def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool, markdown: bool) -> None:
     """The whole page, or the table that people read first and where the rest is."""
+    from tmca.evaluation.gains import multiplexing
     from tmca.evaluation.paper import summary
     from tmca.evaluation.tables import markdown_table
 
@@ -96,6 +97,7 @@ def _tell(asked: Study, found: dict[str, Any], out: Path, json: bool, page: bool
     open_first = f"open {out / asked.name}.html; beside it {names}"
     rows, columns = summary(asked, found)
     notes = [*([found["bands"]] if found.get("bands") else []), *asked.evaluation.warnings(rows)]
+    notes += multiplexing(found, asked)
     say(found, json, markdown_table(rows, columns), *notes, open_first, markdown=markdown)
 
 
@@ -103,7 +105,6 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
     """The study that options describe."""
     from tmca.evaluation.own import own_study
     from tmca.evaluation.tables import check_counts
-    from tmca.lab.decoder_files import decoders_named
     from tmca.specs.base import range_of_nm
     from tmca.yaml_files import parsed_yaml
 
@@ -118,7 +119,8 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
         }
     }
     how |= {"crop": size(given["crop"], "--crop"), "seeds": seeds or 1, "range": range_of_nm(given["range"])}
-    return own_study(scenes, decoders=decoders_named(decoders or "", "decoders"), **how)
+    named = [text.strip() for text in (decoders or "").split(",") if text.strip()]
+    return own_study(scenes, decoders=named, **how)
 
 
 def _described(file: str, decoders: str | None, seeds: int | None, given: dict[str, Any]) -> Study:

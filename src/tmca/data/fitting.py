@@ -124,7 +124,8 @@ def middle_of(scene: Scene, size: Size, where: object) -> Scene:
 
 
 def select_bands(cube: xr.DataArray, count: int, span: tuple[float, float] = VISIBLE) -> xr.DataArray:
-    """The ``count`` bands nearest to even spacing over a range, from 400 to 700 nm without one.
+    """The ``count`` bands nearest to even spacing over a range, from 400 to 700 nm without one; all bands of the range
+    where these are so many, however they are spaced.
 
     For CAVE's 31 bands and ``count=12`` these are 0, 3, 5, 8, 11, 14, 16, 19, 22, 25, 27, 30.
 
@@ -134,15 +135,39 @@ def select_bands(cube: xr.DataArray, count: int, span: tuple[float, float] = VIS
         span: first and last wavelength, metres.
 
     Raises:
-        SettingError: an impossible count, or so many bands that one would be taken twice.
+        SettingError: an impossible count, or one for which a band would be taken twice; it says which count will do.
         DataError: the cube has no wavelengths or does not cover the range.
     """
     low, high = span
     if count < 1:
         raise SettingError("bands", str(count), "1 band or more")
-    _covering(cube, np.array([low, high]))
-    targets = np.linspace(low, high, count) if count > 1 else np.array([(low + high) / 2])
-    return nearest_bands(cube, targets)
+    nm = _covering(cube, np.array([low, high]))
+    index = _evenly(nm, count, span)
+    inside = np.flatnonzero((nm >= low * 1e9 - 1e-3) & (nm <= high * 1e9 + 1e-3))
+    if _repeats(index) and count == inside.size:
+        index = inside[np.argsort(nm[inside], kind="stable")]
+    if _repeats(index):
+        fewer = range(min(count - 1, nm.size), inside.size if inside.size < count else 0, -1)
+        most = next((n for n in fewer if not _repeats(_evenly(nm, n, span))), inside.size)
+        remedy = f"ask for {most}" + (f", or for all {inside.size}" if inside.size > count else "")
+        found = f"no {count} different bands near even spacing from {low * 1e9:g} to {high * 1e9:g} nm"
+        raise SettingError(cube.attrs.get("source", "bands"), found, "a band of its own for each", remedy)
+    return cube.isel(wavelength=index)
+
+
+def _evenly(nm: NDArray[np.float64], count: int, span: tuple[float, float]) -> NDArray[np.int_]:
+    """The band nearest to each of ``count`` wavelengths at even spacing; of one, to the middle."""
+    return _nearest(nm, np.linspace(span[0], span[1], count) if count > 1 else np.array([sum(span) / 2]))
+
+
+def _nearest(nm: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.int_]:
+    """The band nearest to each wavelength (metres); of two equally near the shorter one."""
+    order = np.argsort(nm, kind="stable")
+    return order[np.round(np.abs(nm[order] - metres_to_nm(targets)[:, None]), 4).argmin(axis=1)]
+
+
+def _repeats(index: NDArray[np.int_]) -> bool:
+    return np.unique(index).size < index.size
 
 
 def usual_span(scenes: Mapping[str, NDArray[np.float64]]) -> tuple[float, float] | None:
@@ -202,12 +227,9 @@ def nearest_bands(cube: xr.DataArray, wavelengths: Iterable[float]) -> xr.DataAr
     targets = np.asarray(list(wavelengths), dtype=np.float64)
     if not targets.size:
         raise SettingError("wavelengths", "an empty list", "one wavelength or more")
-    nm = _covering(cube, targets)
-    order = np.argsort(nm, kind="stable")
-    index = order[np.round(np.abs(nm[order] - metres_to_nm(targets)[:, None]), 4).argmin(axis=1)]
-    different = np.unique(index).size
-    if different != index.size:
-        found = f"{targets.size} wavelengths for which only {different} different bands are nearest"
+    index = _nearest(_covering(cube, targets), targets)
+    if _repeats(index):
+        found = f"{targets.size} wavelengths for which only {np.unique(index).size} different bands are nearest"
         remedy = "ask for fewer bands or a wider range"
         raise SettingError(cube.attrs.get("source", "bands"), found, "a band of its own for each", remedy)
     return cube.isel(wavelength=index)

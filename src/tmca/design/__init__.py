@@ -1,6 +1,7 @@
 """Finding codes and masks: the expected error as objective, its optimisers, and which designs to take."""
 
-from tmca.design.advice import Advice, Candidate, advise
+from tmca.design.advice import advise
+from tmca.design.advised import Advice, Candidate
 from tmca.design.checks import check_search, check_size
 from tmca.design.expected_error import BlockMse, MixtureMse, TileMse, design_model
 from tmca.design.flips import flip_greedily

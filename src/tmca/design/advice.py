@@ -4,128 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf
-from statistics import stdev
 from typing import Any
 
 from tmca.codes import BURST
+from tmca.design.advised import WITHIN, WORTH, Advice, Candidate
 from tmca.design.flips import MOST_TILE, tile_bytes
 from tmca.design.kinds import designable, hold_throughput
-from tmca.design.search import SURVEY, Design, Effort, Parts, Progress, decibels, search
+from tmca.design.search import SURVEY, Effort, Parts, Progress, decibels, search
 from tmca.design.sheet import SensorSheet, family_of
 from tmca.design.transfer import Examples
 
 _FLIP = 0.1
 """Steps of a descent that take as long as a flip."""
-WORTH = 0.1
-"""Gain in dB below which more than one slot is not worth it."""
-WITHIN = 0.1
-"""Share of the largest gain below which more slots are not worth it."""
 _LIGHT = 0.02
 """How far the light of codes may be from the share that is asked for."""
 _READINGS = 4
 """Steps of one reading a pixel that take as long as a step of two."""
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A design with what it is expected to gain.
-
-    Args:
-        design: codes.
-        held_out: name of each example scene → PSNR (dB) with the prior of the others.
-        gains: the same → gain over the static design (dB).
-    """
-
-    design: Design
-    held_out: dict[str, float]
-    gains: dict[str, float]
-
-    @property
-    def psnr(self) -> float:
-        """Mean over the example scenes, each under the prior of the others, dB."""
-        return sum(self.held_out.values()) / len(self.held_out)
-
-    @property
-    def gain(self) -> float:
-        """Mean over the example scenes, dB."""
-        return sum(self.gains.values()) / len(self.gains)
-
-    @property
-    def spread(self) -> float | None:
-        """Standard deviation of a scene's gain, dB; None with one scene."""
-        return stdev(self.gains.values()) if len(self.gains) > 1 else None
-
-    @property
-    def alike(self) -> bool:
-        """Whether all pixels have the same shutter: two buckets are then a burst."""
-        shutter = self.design.camera.codes.shutter.tile()
-        return bool((shutter == shutter[:, :1, :1]).all())
-
-
-@dataclass(frozen=True)
-class Advice:
-    """Designs for a sensor, and which of them to use.
-
-    Args:
-        static: the static design.
-        surveyed: designs after the survey, the static one, from which the others' gains are counted, first.
-        one: the best of them that needs one bucket, searched on; None where one slot is all that fits.
-        two: the same of those that need two; None without a second bucket.
-        burst: the rival, two static frames one after the other in the same time; None where only one pattern fits.
-        noise: (read noise, shot) in snapshot units.
-        sheet: of the sensor.
-        left_out: (kind, K) of codes that cannot let through the share of light that was asked for.
-        throughput: that share; None where the light is free.
-        within: share of the largest gain that fewer slots may lack.
-    """
-
-    static: Candidate
-    surveyed: list[Candidate]
-    one: Candidate | None
-    two: Candidate | None
-    burst: Candidate | None
-    noise: tuple[float, float]
-    sheet: SensorSheet
-    left_out: tuple[tuple[str, int], ...] = ()
-    throughput: float | None = None
-    within: float = WITHIN
-
-    @property
-    def chosen(self) -> Candidate | None:
-        """The better one of those with one bucket and with two, with one if the second gains nothing; no burst."""
-        if self.one is None or self.two is None:
-            return self.one or self.two
-        return self.two if self.two.gain >= self.one.gain + WORTH else self.one
-
-    @property
-    def more_slots(self) -> dict[int, float]:
-        """K → what codes of more slots than the best gained over it in the survey, dB; of those with as many buckets,
-        the best of each K."""
-        family, own = family_of(self.best.design.kind), (self.best.design.kind, self.best.design.slots)
-        before = next((c.gain for c in self.surveyed if (c.design.kind, c.design.slots) == own), None)
-        if before is None:
-            return {}
-        gains: dict[int, float] = {}
-        for each in self.surveyed:
-            if family_of(each.design.kind) == family and each.design.slots > own[1]:
-                gains[each.design.slots] = max(gains.get(each.design.slots, -inf), each.gain - before)
-        return dict(sorted(gains.items()))
-
-    @property
-    def finals(self) -> list[Candidate]:
-        """All that were searched on, the static one first and the burst last."""
-        return [each for each in (self.static, self.one, self.two, self.burst) if each is not None]
-
-    @property
-    def multiplex(self) -> bool:
-        """Whether more than one slot is worth it."""
-        return self.chosen is not None and self.chosen.gain >= WORTH
-
-    @property
-    def best(self) -> Candidate:
-        """The design to use."""
-        return self.chosen if self.chosen is not None and self.multiplex else self.static
 
 
 def advise(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
@@ -16,6 +16,10 @@ from tmca.design.spectral_depth import confusion, depth_information, design_mask
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
+from tmca.summaries import Summary
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 SEARCHED = ("zernike", "free-form", "rotational")
 """Families of masks with random starts."""
@@ -167,8 +171,8 @@ class MaskCandidate:
         return self.confusion if self.errors is None else self.errors[0]
 
 
-@dataclass(frozen=True)
-class MaskAdvice:
+@dataclass(frozen=True, repr=False)
+class MaskAdvice(Summary):
     """The best masks for each number of slots, and which of them to take.
 
     Args:
@@ -196,6 +200,38 @@ class MaskAdvice:
     def multiplex(self) -> bool:
         """Whether more than one slot is worth it."""
         return self.best is not self.static
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A row for every number of slots: expected error in bins, and the share of the static mask's that is saved."""
+        import pandas as pd
+
+        rows = [{"slots": c.slots, "expected": c.expected, "saved": self.saved(c)} for c in self.candidates]
+        return pd.DataFrame(rows)
+
+    _uncut = ("advice",)
+
+    def _facts(self) -> dict[str, str]:
+        return {"advice": mask_advice(self), "masks": f"K = {self.best.slots}"}
+
+
+def mask_advice(advice: MaskAdvice) -> str:
+    """Slots to use, and how much less error or confusion they leave."""
+    static = f"the best static mask's ({advice.static.expected:.3g} bins)"
+    what = "predicted depth confusion" if advice.static.errors is None else "depth error on the example scenes"
+    if len(advice.candidates) == 1:
+        return "One slot is all that was tried or fits the exposure: take the static mask."
+    if advice.multiplex:
+        return f"Use {advice.best.slots} slots: the {what} is {_compared(advice, advice.best)} {static}."
+    top = max(advice.candidates[1:], key=advice.saved)
+    return (
+        f"A static mask is enough: the {what} of K = {top.slots}, the best with more slots, "
+        f"is {_compared(advice, top)} {static}; {WORTH:.0%} less would be worth it."
+    )
+
+
+def _compared(advice: MaskAdvice, candidate: MaskCandidate) -> str:
+    change = advice.saved(candidate)
+    return f"{abs(change):.0%} {'below' if change >= 0 else 'above'}"
 
 
 def search_masks(

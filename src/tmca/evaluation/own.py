@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from warnings import warn
 
 import numpy as np
 from pydantic import ValidationError
@@ -22,10 +24,11 @@ from tmca.data.scenes import scene_kind
 from tmca.decoders import decoders as registered_decoders
 from tmca.errors import DataError, SettingError, check_choice, did_you_mean
 from tmca.evaluation.camera import Settings, evaluation_of
+from tmca.evaluation.own_sensors import noises_of, one_bucket_alone
 from tmca.evaluation.study import Study, checked_study, usual_settings
-from tmca.sensor import Sensor
-from tmca.specs import SensorFileSpec, SensorSpec, first_error, sensor_of
-from tmca.yaml_files import read_yaml
+from tmca.lab.decoder_files import names_of
+from tmca.sensor import Sensor, SensorWarning
+from tmca.specs import first_error
 
 DESIGNED = "designed"
 """Codes that are searched for the sensor."""
@@ -54,12 +57,12 @@ _VIEWS = (270, 480)
 
 
 def own_study(
-    scenes: Sequence[str],
+    scenes: str | Path | Sequence[str | Path],
     *,
     camera: str | None = None,
-    sensor: Mapping[str, Mapping[str, Any]] | str | Path | None = None,
-    codes: Sequence[str] = (),
-    decoders: Sequence[str] = (),
+    sensor: Sensor | Mapping[str, Any] | str | Path | None = None,
+    codes: str | Sequence[str] = (),
+    decoders: Any = (),
     crop: tuple[int, int] | None = None,
     bands: int | None = None,
     range: tuple[float, float] | None = None,
@@ -71,13 +74,13 @@ def own_study(
     Priors are those of the rendered scenes, or learn from the others of these where one of them is measured.
 
     Args:
-        scenes: that are measured: files, names of rendered ones, or split files.
+        scenes: that are measured: files, names of rendered ones, or split files; one or several.
         camera: its kind; what the scenes are for if None.
-        sensor: name of a noise → arguments of `Sensor`, or a YAML file of one sensor or of several by their names; an
-            ideal one if None.
+        sensor: a `Sensor` or its arguments, several by their names, or a YAML file of either; an ideal one if None.
         codes: names of presets, ``designed``, files of codes or snapshots, or these with a name, ``NAME=FILE``; some
             usual ones without.
-        decoders: by their names; the usual one without.
+        decoders: by their names, ``FILE.py:Class``, ``FILE.pt2``, or classes of this package; the usual one without.
+            The code of files runs: pass what you named, not what was read.
         crop: (H, W) middle of every scene.
         bands: of a spectral camera, nearest to even spacing over the range; 12, or all of a scene with fewer.
         range: (first, last) wavelength that bands are taken from, metres; 400 to 700 nm where all scenes cover them,
@@ -88,17 +91,20 @@ def own_study(
     Raises:
         SettingError: no scenes, scenes of several cameras, codes or a sensor that there are not.
         DataError: a file that cannot be read, or scenes that have no range in common.
+
+    Warns:
+        SensorWarning: codes that need two buckets, of a sensor whose file says one.
     """
-    sources = list(named_scenes(scenes))
+    sources, codes = list(named_scenes(map(str, _several(scenes)))), _several(codes)
     if not sources:
         raise SettingError("scenes", "none", "files or names of rendered scenes")
     kind = camera or _kind_of(sources)
     application_of(kind)
-    noises = sensor if isinstance(sensor, Mapping) else {"noise-free": {}} if sensor is None else read_sensors(sensor)
+    noises = noises_of(sensor)
     names = short_names(sources)
     more = _checked_reading(kind, reading or {})
     read = {**_reading(kind, sources, crop, bands, range, more), **more}
-    used = list(decoders) or [_default(kind, read)]
+    used = [*names_of(map(_text, _several(decoders))).values()] or [_default(kind, read)]
     if kind == "spectral" and _invisible(read):
         _check_without_rendered(used, codes)
     described: Settings = {
@@ -112,31 +118,33 @@ def own_study(
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
     if kind == "spectral-depth":
         described["reading"]["preset"] = _seen_alike(described["codes"])
-    return checked_study(described, "study")
+    study = checked_study(described, "study")
+    two = [name for name, code in study.codes.items() if code.buckets > 1 and not code.burst]
+    said = one_bucket_alone(sensor, two)
+    for text in said:
+        warn(text, SensorWarning, stacklevel=2)
+    return study.with_(about=said) if said else study
 
 
-def read_sensors(file: str | Path) -> dict[str, dict[str, Any]]:
-    """Name → arguments of `Sensor` of a YAML file: of one sensor, named after the file, or of several by their names.
+def _several(given: Any) -> Sequence[Any]:
+    """One or several, as several."""
+    return [given] if isinstance(given, str | Path | type) else list(given)
+
+
+def _text(decoder: Any) -> str:
+    """What names a decoder.
 
     Raises:
-        DataError: no such file, or an entry that no sensor has.
+        SettingError: a class that other processes would not know.
     """
-    stored = read_yaml(file, "YAML with a sensor, such as full_well: 10000, or several by their names")
-    if not stored:
-        raise DataError(str(file), "no entry", "arguments of a sensor, such as full_well: 10000")
-    several = all(isinstance(value, Mapping) for value in stored.values())
-    sensors = stored if several else {Path(file).stem: stored}
-    return {str(name): _sensor(f"{file}: {name}" if several else str(file), one) for name, one in sensors.items()}
-
-
-def _sensor(where: str, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Checked arguments of a sensor."""
-    try:
-        given = sensor_of(values, SensorFileSpec, where).only(*SensorSpec.model_fields)
-        Sensor(**given)
-    except SettingError as error:
-        raise DataError(f"{where}: {error.where}", error.found, error.expected, error.remedy) from None
-    return dict(given)
+    if isinstance(decoder, str):
+        return decoder
+    cls = decoder if isinstance(decoder, type) else type(decoder)
+    if decoder is cls and cls.__module__.startswith("tmca.") and registered_decoders().get(cls.name) is cls:
+        return str(cls.name)
+    file = getattr(sys.modules.get(cls.__module__), "__file__", None) or "FILE.py"
+    expected = f'"{file}:{cls.__name__}", as every process loads it anew'
+    raise SettingError("decoders", f"the class {cls.__name__}", expected, "keep the file free of what runs the study")
 
 
 def _kind_of(sources: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from tmca.applications.report import Section
 from tmca.data.scene_names import short_names
 from tmca.evaluation.camera import Place
+from tmca.evaluation.gains import WHO, gain_columns, level, multiplexed, over, parts_of
 from tmca.evaluation.grid import Measured
 from tmca.evaluation.study import Study, checked_study
 from tmca.evaluation.tables import (
@@ -18,6 +19,7 @@ from tmca.evaluation.tables import (
     Column,
     Row,
     Split,
+    columns_there,
     grouped,
     made_by,
     markdown_table,
@@ -29,7 +31,6 @@ from tmca.evaluation.tables import (
     training_rows,
 )
 
-WHO: tuple[Column, ...] = (("decoder", "decoder", ""), ("noise", "noise", ""))
 SEARCHES: tuple[Column, ...] = (
     ("code", "codes", ""), ("noise", "noise", ""), ("psnr", "expected PSNR (dB)", ".2f"),
     ("random_psnr", "random codes (dB)", ".2f"), ("held_out_gain", "gain on scenes left out (dB)", "+.2f"),
@@ -116,13 +117,12 @@ def markdown(found: Row) -> str:
     learned = ", ".join(split["train"]) or "the rendered training scenes"
     bands = f" {found['bands']}." if found.get("bands") else ""
     words = {name: _words(found[name]) for name in ("study", "split", "budget")}
-    about = [*study.about, *([study.about_networks] if found["budget"]["training"] and study.about_networks else [])]
     lines = [
         f"# {page_title(study)}", "", made_by(found), "",
         f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
         f"all rows. Means over scenes of means over seeds, then scene by scene.{bands} Light is the share of a white "
         "scene's light that passes mask and shutter.", "",
-        *(line for text in about for line in (filled(text, words), "")),
+        *(line for text in said_about(found, study) for line in (text, "")),
     ]  # fmt: skip
     for section in sections(found, study):
         lines += [
@@ -135,6 +135,13 @@ def markdown(found: Row) -> str:
         lines += ["## Pictures", "", f"Some rows, {study.shown_noise}, first seed.", ""]
         lines += [line for file, caption in found["pictures"].items() for line in (f"![{caption}]({file})", "")]
     return "\n".join(lines)
+
+
+def said_about(found: Row, study: Study) -> list[str]:
+    """Paragraphs of the page: what is doubtful, and what the study says."""
+    words = {name: _words(found[name]) for name in ("study", "split", "budget")}
+    networks = [study.about_networks] if found["budget"]["training"] and study.about_networks else []
+    return [*study.doubts, *(filled(text, words) for text in (*study.about, *networks))]
 
 
 def page_title(study: Study) -> str:
@@ -170,7 +177,7 @@ def sections(found: Row, study: Study) -> Iterator[Section]:
     if crops := found.get("crop_rows"):
         size = _words(study.reading["crop"])
         yield _rows(f"On a crop of {size}", crops, study)
-    made = (_published, _multiplexed, _pairs, _decoders)
+    made = (_published, multiplexed, _pairs, _decoders)
     yield from (section for make in made for section in make(found, study))
     if failed := [{"name": name, "reason": reason} for name, reason in found.get("failed", {}).items()]:
         text = "Rows without these cells are means over the others."
@@ -179,21 +186,14 @@ def sections(found: Row, study: Study) -> Iterator[Section]:
         {"code": code, "noise": noise, **means(_numbers(one) for one in own)}
         for (code, noise), own in grouped(found["searches"], "code", "noise").items()
     ]
-    if {name for name, *_ in _there(SEARCHES, searches)} - {"code", "noise", "seconds"}:
+    if {name for name, *_ in columns_there(SEARCHES, searches)} - {"code", "noise", "seconds"}:
         text = "Before anything is captured, means over seeds."
-        yield Section("What was expected of searched codes", [text], searches, _there(SEARCHES, searches))
+        yield Section("What was expected of searched codes", [text], searches, columns_there(SEARCHES, searches))
     yield from study.evaluation.sections(found, study)
 
 
 def _numbers(row: Row) -> dict[str, float]:
     return {name: value for name, value in row.items() if isinstance(value, int | float)}
-
-
-def _there(columns: Iterable[Column], rows: Sequence[Row]) -> list[Column]:
-    """Columns that some row has; seeds and scenes one by one where some row has several."""
-    there = [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
-    alone = {name for name in ("seeds", "scenes") if not any(", " in str(row.get(name, "")) for row in rows)}
-    return [column for column in there if column[0] not in alone]
 
 
 def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
@@ -217,59 +217,7 @@ def _rows(title: str, rows: Sequence[Row], study: Study) -> Section:
         for row in rows
     ]  # fmt: skip
     said = [*not_meaningful(rows), *evaluation.warnings(shown)]
-    return Section(title, said, shown, [*noises, *_there(columns, shown)])
-
-
-def parts_of(found: Row) -> dict[str, list[str]]:
-    """Scenes that the study names, and those of known geometry beside them where there are any."""
-    real, names = found["split"]["real"], found["split"]["test"]
-    others = [name for name in names if name not in real]
-    return {"of the study": list(real), "rendered": others} if others else {"": list(real)}
-
-
-def level(row: Row, scenes: Iterable[str], name: str) -> float | None:
-    """Mean of a metric over those scenes that have it."""
-    known = [row["scenes"][scene][name] for scene in scenes if name in row["scenes"].get(scene, ())]
-    return mean(known) if known else None
-
-
-def over(row: Row, base: Row, scenes: Sequence[str], study: Study) -> Row:
-    """What a row gains over another on those scenes that both have: differences of metrics; of the metric by which
-    codes are chosen the ratio, where it is an error; seed by seed, where both have all, and scene by scene."""
-    metric = study.evaluation.metric
-    spec = "+.2f" if metric == "psnr" else ".2f"
-    scenes = [scene for scene in scenes if scene in row["scenes"] and scene in base["scenes"]]
-    whole = MEASURED[0] not in row and MEASURED[0] not in base
-    pairs = zip(row.get(f"seed_{metric}", ()), base.get(f"seed_{metric}", ()), strict=False)
-    seeds = [_gain(one, other, metric) for one, other in pairs] if whole else []
-    each = {scene: _gain(level(row, [scene], metric), level(base, [scene], metric), metric) for scene in scenes}
-    names = [name for name, *_ in study.evaluation.columns]
-    differences = {name: _difference(level(row, scenes, name), level(base, scenes, name)) for name in names}
-    return {
-        **differences, "gain": _gain(level(row, scenes, metric), level(base, scenes, metric), metric),
-        "seeds": ", ".join(format(gain, spec) for gain in seeds),
-        "scenes": ", ".join(f"{scene} {format(gain, spec)}" for scene, gain in each.items() if gain is not None),
-    }  # fmt: skip
-
-
-def _gain(one: float | None, other: float | None, metric: str) -> float | None:
-    """dB of PSNR; of an error the ratio."""
-    if metric == "psnr" or one is None or other is None:
-        return _difference(one, other)
-    return one / other
-
-
-def _difference(one: float | None, other: float | None) -> float | None:
-    return None if one is None or other is None else one - other
-
-
-def _gain_columns(study: Study) -> list[Column]:
-    """Columns of what ``over`` tells."""
-    columns, metric = study.evaluation.columns, study.evaluation.metric
-    heading = next(heading for name, heading, _ in columns if name == metric)
-    signed: list[Column] = [(n, h, f"+{spec}") for n, h, spec in columns if n != metric or metric != "psnr"]
-    first: Column = ("gain", f"gain, {heading}", "+.2f") if metric == "psnr" else ("gain", f"ratio of {heading}", ".2f")
-    return [first, ("seeds", "seed by seed", ""), ("scenes", "scene by scene", ""), *signed]
+    return Section(title, said, shown, [*noises, *columns_there(columns, shown)])
 
 
 def _pairs(found: Row, study: Study) -> Iterator[Section]:
@@ -281,60 +229,9 @@ def _pairs(found: Row, study: Study) -> Iterator[Section]:
         for code, base in study.pairs for (own, decoder, noise), row in known.items()
         for part, scenes in parts_of(found).items() if own == code and (base, decoder, noise) in known
     ]  # fmt: skip
-    columns = [("code", "codes", ""), ("base", "over", ""), *WHO, ("part", "scenes", ""), *_gain_columns(study)]
+    columns = [("code", "codes", ""), ("base", "over", ""), *WHO, ("part", "scenes", ""), *gain_columns(study)]
     if rows:
-        yield Section("Codes over others", ["Behind the same decoder."], rows, _there(columns, rows))
-
-
-def margins(found: Row, study: Study) -> list[Row]:
-    """Time-multiplexed codes against those with one slot, and against other bases, decoder by decoder and noise by
-    noise: the best of either as they are chosen without a test scene, or in hindsight where nothing is known so.
-    Bursts are neither."""
-    static = [name for name, code in study.codes.items() if code.one_slot]
-    apart = [*static, *(name for name, code in study.codes.items() if code.burst)]
-    bases, rows = {"one slot": static, **study.bases}, []
-    groups = grouped(found["rows"], "decoder", "noise").items()
-    for ((decoder, noise), own), (part, scenes) in product(groups, parts_of(found).items()):
-        known = study.evaluation.scores(found, decoder, noise)
-        for name, base in bases.items():
-            several = [row for row in own if row["code"] not in apart and level(row, scenes, "psnr") is not None]
-            single = [row for row in own if row["code"] in base and level(row, scenes, "psnr") is not None]
-            if several and single:
-                rows.append({"decoder": study.decoder_labels[decoder], "noise": noise, "part": part, "against": name,
-                             **_best_over_best(several, single, known, scenes, study)})  # fmt: skip
-    return rows
-
-
-def _best_over_best(
-    several: Sequence[Row], single: Sequence[Row], known: Mapping[str, float], scenes: Sequence[str], study: Study
-) -> Row:
-    """The best of some rows over the best of others."""
-    metric, groups = study.evaluation.metric, (several, single)
-    sign = -1 if metric == "psnr" else 1
-
-    def measured(row: Row) -> float:
-        return sign * (level(row, scenes, metric) or 0.0)
-
-    judged = [[row for row in group if row["code"] in known] for group in groups]
-    top, bottom = (min(group, key=measured) for group in groups)
-    best, base = (min(group, key=lambda row: known[row["code"]]) for group in judged) if all(judged) else (top, bottom)
-    hindsight = over(top, bottom, scenes, study)["gain"]
-    return {"best": best["code"], "base": base["code"], **over(best, base, scenes, study),
-            **({"hindsight": hindsight} if all(judged) else {})}  # fmt: skip
-
-
-def _multiplexed(found: Row, study: Study) -> Iterator[Section]:
-    columns: list[Column] = [*WHO, ("part", "scenes", ""), ("against", "against", "")]
-    gains, rows = _gain_columns(study), margins(found, study)
-    columns += [("best", "best time-multiplexed", ""), ("base", "best of the others", ""), gains[0]]
-    columns += [("hindsight", "in hindsight", gains[0][2]), *gains[1:]]
-    text = "Codes are chosen without a test scene where something is known of them: by a network's validation, or as "
-    text += "the table of predictions says; else, and where it says so, in hindsight."
-    if study.figure and not any("hindsight" in row for row in rows):
-        text = "For each decoder, the best code of several slots over the best of one slot. Both are chosen by what "
-        text += "was measured on these scenes. A burst is neither: it multiplexes nothing."
-    if rows:
-        yield Section("Time-multiplexed over static codes", [text], rows, _there(columns, rows))
+        yield Section("Codes over others", ["Behind the same decoder."], rows, columns_there(columns, rows))
 
 
 def _decoders(found: Row, study: Study) -> Iterator[Section]:
@@ -354,7 +251,7 @@ def _decoders(found: Row, study: Study) -> Iterator[Section]:
     columns = [WHO[0], ("base", "over", ""), WHO[1], ("part", "scenes", "")]
     columns += [(name, f"{name} (dB)", "+.2f") for name in ("mean", "least", "most")]
     if rows:
-        yield Section("Decoders over others", ["PSNR, over all codes."], rows, _there(columns, rows))
+        yield Section("Decoders over others", ["PSNR, over all codes."], rows, columns_there(columns, rows))
 
 
 def _published(found: Row, study: Study) -> Iterator[Section]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.report import Section, write_report
 from tmca.data import read_dataset, write_text
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.page import page_title, sections, slug
+from tmca.evaluation.page import page_title, said_about, sections, slug
 from tmca.evaluation.study import Study
 from tmca.evaluation.tables import MEASURED, Column, Row, grouped, latex_table, not_meaningful
 from tmca.metrics import meaning
@@ -58,7 +58,9 @@ def write_paper(study: Study, found: Row, measured: Sequence[Measured], out: Pat
         figures[scene] = figure = scene_figure(study, cells, _drawn(study, found))
         for suffix in (".pdf", ".png"):
             save_figure(figure, out / f"{stems[scene]}{suffix}", overwrite=overwrite, dpi=_PRINTED)
-    write_text(latex_table(*summary(study, found)), out / f"{study.name}.tex", overwrite=overwrite)
+    rows, columns = summary(study, found)
+    printed = [column for column in columns if column[0] != "seconds"]
+    write_text(latex_table(rows, printed), out / f"{study.name}.tex", overwrite=overwrite)
     write_report(out / f"{study.name}.html", page_title(study), _page(study, found, figures), overwrite=overwrite)
 
 
@@ -94,7 +96,7 @@ def _page(study: Study, found: Row, figures: dict[str, Figure]) -> list[Section]
     """What was compared, the table, the figures, and all the tables."""
     rows, columns = summary(study, found)
     more = [one for one in sections(found, study) if not _repeats(one, rows, columns)]
-    paragraphs = [*_about(study, found), *_in_words(columns), *not_meaningful(rows)]
+    paragraphs = [*said_about(found, study), *_about(study, found), *_in_words(columns), *not_meaningful(rows)]
     made = [Section("Results", paragraphs, rows, columns)]
     for place, (scene, figure) in enumerate([*figures.items()][:_DRAWN]):
         figure.set_dpi(_MORE if place else _READ)

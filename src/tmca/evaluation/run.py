@@ -34,8 +34,8 @@ from tmca.progress import Asked, counting
 
 def run_study(
     study: Study,
-    out: Path,
-    work: Path,
+    out: str | Path,
+    work: str | Path,
     *,
     jobs: int = 1,
     cluster: Settings | None = None,
@@ -67,6 +67,7 @@ def run_study(
         DataError: a scene that is missing, altered or of no use.
         CellsFailed: some cells failed; the table of the others is written.
     """
+    out, work = Path(out), Path(work)
     check_counts(jobs=jobs)
     check_decoders(study.decoders, study.decoder_labels)
     for name in study.decoders:

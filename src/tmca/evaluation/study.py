@@ -155,6 +155,12 @@ class Study(Summary, BaseModel):
         return decoder_labels(self.camera, {**self.labels, **{name: one.label for name, one in self.networks.items()}})
 
     @property
+    def doubts(self) -> list[str]:
+        """What of its sensors was most likely meant otherwise, in lines."""
+        said = {name: Sensor(**noise).doubt for name, noise in self.noises.items()}
+        return [f"Warning: sensor {name}: {doubt}." for name, doubt in said.items() if doubt]
+
+    @property
     def all_seeds(self) -> range:
         """From ``seed`` on."""
         return range(self.seed, self.seed + self.seeds)

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
+from tmca.design.kinds import KINDS
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
@@ -108,6 +109,13 @@ class Code(Strict):
         """Whether they are frames one after the other, which multiplex nothing."""
         stored = self._stored
         return stored.burst if stored else BURST in (self.camera.get("shutter"), self.search and self.search.kind)
+
+    @property
+    def buckets(self) -> int:
+        """That a pixel needs for them."""
+        stored, kind = self._stored, self.search.kind if self.search else None
+        searched = KINDS[kind].get("buckets", 1) if kind in KINDS else 1
+        return stored.buckets if stored else int(self.camera.get("buckets", searched))
 
     @property
     def _stored(self) -> CodesFile | None:

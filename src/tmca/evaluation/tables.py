@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from math import isnan
 from pathlib import Path
 from shlex import quote
+from statistics import stdev
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from tmca.errors import DataError, OutputError, SettingError
@@ -105,7 +106,7 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
     if files := [name for name in unknown if is_file(name)]:
         remedy = f"pass --decoders {quote(','.join(files))} if you trust {'it' if len(files) == 1 else 'them'}"
         found = f"{', '.join(files)}, which {'is' if len(files) == 1 else 'are'} code"
-        raise SettingError("decoders", found, "code that the command line names", remedy)
+        raise SettingError("decoders", found, "code that the command line, or own_study, names", remedy)
     if unknown:
         raise unknown_decoder("decoders", unknown[0], known)
     if not decoders:
@@ -177,7 +178,7 @@ def training_rows(measured: Iterable[Measured]) -> list[Row]:
 
 _LATEX = str.maketrans(
     {**{sign: f"\\{sign}" for sign in "&%$#_{}"}, "\\": r"\textbackslash{}", "~": r"\textasciitilde{}",
-     "^": r"\textasciicircum{}", "°": r"$^\circ$", "×": r"$\times$", "σ": r"$\sigma$", "−": "$-$"}
+     "^": r"\textasciicircum{}", "°": r"$^\circ$", "×": r"$\times$", "σ": r"$\sigma$", "−": "$-$", "±": r"$\pm$"}
 )  # fmt: skip
 """What LaTeX takes for something else, as it prints it."""
 MEASURED: Column = ("measured", "measured", "")
@@ -228,6 +229,13 @@ def plain_columns(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(n for row in rows for n, value in row.items() if isinstance(value, str | int | float)))
 
 
+def columns_there(columns: Iterable[Column], rows: Sequence[Row]) -> list[Column]:
+    """Columns that some row has; seeds and scenes one by one where some row has several."""
+    there = [column for column in columns if any(row.get(column[0]) not in (None, "") for row in rows)]
+    alone = {name for name in ("seeds", "scenes") if not any(", " in str(row.get(name, "")) for row in rows)}
+    return [column for column in there if column[0] not in alone]
+
+
 def _training_minutes(study: Study, code: str, decoder: str, trainings: Sequence[Row]) -> float:
     """CPU minutes of learning, means over seeds: of the row's network, and of that which its codes learned with."""
     learn = study.codes[code].learn
@@ -254,19 +262,24 @@ def markdown_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
 
 
 def latex_table(rows: Sequence[Row], columns: Sequence[Column]) -> str:
-    """Rows as a LaTeX table for the package booktabs, numbers at the right; arguments as of `markdown_table`."""
+    """Rows as a LaTeX table for the package booktabs, numbers at the right, where there are several seeds with their
+    standard deviation; arguments as of `markdown_table`."""
 
     def line(texts: Iterable[str]) -> str:
         return " & ".join(text.translate(_LATEX) for text in texts) + r" \\"
 
-    def entry(value: Any, spec: str) -> str:
+    def entry(row: Row, key: str, spec: str) -> str:
+        value, seeds = row.get(key), row.get(f"seed_{key}", ())
         text = "" if _missing(value) else format(value, spec)
-        return text.replace("-", "−") if spec else text
+        spread = f" ± {stdev(seeds):{spec.lstrip('+')}}" if text and len(seeds) > 1 else ""
+        return f"{text}{spread}".replace("-", "−") if spec else text
 
-    values = [[entry(row.get(key), spec) for key, _, spec in columns] for row in rows]
+    values = [[entry(row, key, spec) for key, _, spec in columns] for row in rows]
     sides = "".join("r" if spec else "l" for *_, spec in columns)
     body = [rf"\begin{{tabular}}{{{sides}}}", r"\toprule", line(heading for _, heading, _ in columns), r"\midrule"]
-    return "\n".join(["% \\usepackage{booktabs}", *body, *map(line, values), r"\bottomrule", r"\end{tabular}", ""])
+    several = any("±" in text for row in values for text in row)
+    said = ["% \\usepackage{booktabs}", *["% ± standard deviation over seeds"][:several]]
+    return "\n".join([*said, *body, *map(line, values), r"\bottomrule", r"\end{tabular}", ""])
 
 
 def not_meaningful(rows: Iterable[Row]) -> list[str]:

@@ -33,12 +33,11 @@ from tmca.design import (
     decibels,
     measures,
 )
-from tmca.design.advice import WITHIN
+from tmca.design.advised import WITHIN, advice_lines, code_advice
 from tmca.errors import DataError
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import Gain, gains_figure
-from tmca.reports.words import advice_lines, code_advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

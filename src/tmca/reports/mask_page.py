@@ -12,13 +12,13 @@ from tmca.applications.report import Section, write_report
 from tmca.cameras.phase_codes import write_phase_codes
 from tmca.data import make_folder, write_json
 from tmca.design import MaskAdvice, MaskCandidate, MaskEffort, MaskTask
+from tmca.design.mask_search import mask_advice
 from tmca.design.spectral_depth import bhattacharyya, confusion, drawn_error, kullback_leibler
 from tmca.evaluation.tables import repository_commit
 from tmca.lab.notes import CODES_DATE, now
 from tmca.plots.curves import distances_figure, fisher_figure
 from tmca.plots.style import save_figure
 from tmca.priors import GaussianPrior
-from tmca.reports.words import mask_advice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -150,10 +150,16 @@ class Sensor(Summary, nn.Module):
         Warns:
             SensorWarning: of it.
         """
-        if self.read_noise > (_WHITE if self.full_well is None else _WELL):
-            remedy = "full_well and read_noise_electrons" if self.full_well is None else "read_noise_electrons"
-            text = f"read_noise {self.read_noise:g} is in units of one white band or view; for electrons use {remedy}"
-            warn(text, SensorWarning, stacklevel=3)
+        if self.doubt:
+            warn(self.doubt, SensorWarning, stacklevel=3)
+
+    @property
+    def doubt(self) -> str:
+        """What of it was most likely meant otherwise: a read noise in electrons; empty without any."""
+        if self.read_noise <= (_WHITE if self.full_well is None else _WELL):
+            return ""
+        remedy = "full_well and read_noise_electrons" if self.full_well is None else "read_noise_electrons"
+        return f"read_noise {self.read_noise:g} is in units of one white band or view; for electrons use {remedy}"
 
     def noise(self, full_scale: float, exposures: int = 1) -> Noise:
         """Read and shot noise in snapshot units, the converter's rounding error counted as read noise.

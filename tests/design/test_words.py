@@ -4,8 +4,10 @@ from types import SimpleNamespace as Made
 
 import pytest
 
+from tmca.design import MaskAdvice
+from tmca.design.advised import advice_lines, code_advice
+from tmca.design.mask_search import mask_advice
 from tmca.reports.codes import columns_of
-from tmca.reports.words import advice_lines, code_advice, mask_advice
 
 
 def design(kind="free", gain=0.5, spread=0.2, alike=False):
@@ -92,3 +94,9 @@ def test_one_scene_has_no_columns_of_the_others():
     named = [[name for name, *_ in columns_of({"scenes": scenes})] for scenes in (["a"], ["a", "b"])]
     assert {*named[1]} - {*named[0]} == {"held_out_psnr", "spread"}
     assert "gain" in named[0]
+
+
+def test_advice_about_masks_is_shown_by_its_sentences_and_as_a_table():
+    found = MaskAdvice(tuple(Made(slots=k, expected=e, errors=None) for k, e in ((1, 1.0), (4, 0.5))))
+    assert repr(found) == f"MaskAdvice\n  advice: {mask_advice(found)}\n  masks: K = 4"
+    assert found.to_pandas().to_dict("list") == {"slots": [1, 4], "expected": [1.0, 0.5], "saved": [0.0, 0.5]}
