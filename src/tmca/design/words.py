@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tmca.design import Advice, MaskAdvice, MaskCandidate
-from tmca.design.advice import WORTH as WORTH_DECIBELS
+from tmca.design.advised import WORTH as WORTH_DECIBELS
 from tmca.design.mask_search import WORTH as WORTH_SHARE
 
 
