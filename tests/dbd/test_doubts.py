@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Channel, Chirp, Problem, Truth, simulate, solve, waveform_source
-from tmca.dbd.doubts import _doubt
+from tmca.dbd.doubts import _doubt, whole_doubt
 from tmca.dbd.model import LittleExplained
 from tmca.dbd.tables import recovery_lines
 
@@ -62,6 +62,37 @@ def test_what_is_unexplained_is_the_energy_that_the_paths_leave():
     left = np.sum(np.abs(PROBLEM.y - model) ** 2) / np.sum(np.abs(PROBLEM.y) ** 2)
     assert recovery.unexplained == pytest.approx(left)
     assert recovery.unexplained == pytest.approx(0.01, rel=0.4)
+
+
+@pytest.mark.parametrize(("factor", "noted"), [(0.9, False), (1.0, False), (6.0, True)])
+def test_a_sigma_that_is_too_large_is_noted(factor, noted):
+    problem = scene(4e6, THREE)
+    recovery, _ = told(replace(problem, sigma=factor * problem.sigma))
+    notes = [note for note in recovery.notes if note.startswith("sigma seems too large")]
+    assert len(notes) == noted
+    if noted:
+        energy = np.mean(np.abs(problem.y) ** 2)
+        assert f"is {recovery.sigma**2 / energy:.1%} of the samples' energy" in notes[0]
+        estimate = float(notes[0].split("as noise of ")[1].split()[0])
+        assert estimate == pytest.approx(problem.sigma, rel=0.15)
+
+
+def test_little_signal_in_unknown_noise_is_a_reason_too():
+    unknown, said = replace(PROBLEM, sigma=None), "or is there little signal (then give sigma)?"
+    channels = solve(PROBLEM, certify=False).sources
+    assert said in whole_doubt(unknown, channels, 0.9, exact=False)
+    assert said not in whole_doubt(PROBLEM, channels, 0.9, exact=False)
+
+
+def test_progress_tells_of_every_round_of_other_bases_too():
+    told = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        solve(with_rows(np.conj), progress=lambda share, detail: told.append((share, detail)), certify=False)
+    assert {share for share, _ in told} == {None}
+    details = [detail for _, detail in told]
+    assert details[0] == "round 1, 0 points"
+    assert any(one.startswith("other bases: round 2, ") for one in details)
 
 
 def test_a_basis_of_something_else_is_told_without_a_name():
