@@ -103,12 +103,12 @@ def test_a_basis_of_something_else_is_told_without_a_name():
     assert "found: no, the paths leave" in "\n".join(recovery_lines(recovery))
 
 
-def scene(bandwidth, targets, seed=0, snr_db=20):
-    """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of 15 frequencies in noise."""
-    source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, 15, 3e-6)
+def scene(bandwidth, targets, seed=0, snr_db=20, frequencies=15):
+    """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of few frequencies in noise."""
+    source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, frequencies, 3e-6)
     points = np.array([(delay, doppler, 0) for delay, doppler, _ in targets])
     truth = Truth(points, np.array([gain for *_, gain in targets], complex), np.ones(1, complex))
-    y = Channel.true(source, truth, (1, 9, 15)).samples().reshape(1, 9, 15)
+    y = Channel.true(source, truth, (1, 9, frequencies)).samples().reshape(1, 9, -1)
     sigma = np.sqrt(np.mean(np.abs(y) ** 2)) * 10 ** (-snr_db / 20)
     noise = np.random.default_rng(seed).standard_normal((2, *y.shape)) / 2**0.5
     return Problem(y + sigma * (noise[0] + 1j * noise[1]), (source,), sigma)
@@ -132,6 +132,15 @@ def test_another_pulse_than_the_one_that_was_given_is_suspected(share, known):
     assert "3 with another pulse explain 99." in line
     assert line.endswith("is the pulse of radar right?")
     assert not recovery.found
+
+
+@pytest.mark.parametrize("share", [0.94, 1.06])
+def test_a_pulse_that_is_a_few_per_cent_off_is_suspected(share):
+    problem = scene(10e6, THREE, frequencies=31)
+    recovery, [line] = told(replace(problem, sources=scene(10e6 * share, THREE, frequencies=31).sources))
+    assert len(recovery["radar"]) > 3
+    assert "3 with another pulse explain 9" in line
+    assert line.endswith("is the pulse of radar right?")
 
 
 @pytest.mark.parametrize("known", [True, False])

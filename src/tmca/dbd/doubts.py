@@ -12,7 +12,7 @@ from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, relative_residual, unknowns
 from tmca.dbd.frank_wolfe import frank_wolfe, rounds_told
 from tmca.dbd.model import Complex, Mask, Problem, Source, distance, is_radar
-from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_other_pulse
+from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_near_pulse, with_other_pulse
 
 _LITTLE, _SIGMAS = 0.5, 5.0
 """Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
@@ -38,6 +38,8 @@ _EXPLAINS, _MOST = 0.9, 0.4
 """Share of the signal's energy that a variant has to explain before it is named, and its most unknowns for every real
 sample.
 """
+_NEAR_PULSE = 8.0
+"""What a pulse of another chirp rate has to gain in the information criterion: one unknown and the choice of it."""
 _ROUNDING = 1e-18
 """Shares of energy below which numbers are rounding alone."""
 
@@ -170,12 +172,17 @@ def another_pulse(problem: Problem, channels: Sequence[Channel], left: float) ->
         if not poor and len(one) == velocities:
             continue
         other = with_other_pulse(problem, channels, index)
-        remains, count = relative_residual(other, problem.y) ** 2, len(other[index])
-        if count > 1 and _criterion(other, remains, problem) < least:  # one would do with any row of targets
+        remains = relative_residual(other, problem.y) ** 2
+        gain = least - _criterion(other, remains, problem)
+        if gain <= 0 and one.atoms.source.subspace == 1 and velocities < len(one):
+            other = with_near_pulse(problem, channels, index)
+            remains = relative_residual(other, problem.y) ** 2
+            gain = least - _criterion(other, remains, problem) - _NEAR_PULSE
+        if len(other[index]) > 1 and gain > 0:  # one would do with any row of targets
             word = "targets" if is_radar(one.name) else "paths"
             return (
-                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, {count} with "
-                f"another pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
+                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, "
+                f"{len(other[index])} with another pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
             )
     return None
 

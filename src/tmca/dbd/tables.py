@@ -93,12 +93,11 @@ def resolution_line(recovery: Recovery) -> str:
         return ""
     parts: dict[str, list[str]] = {}
     for one in recovery.sources:
-        spans = [
-            (f"{units.physical(1.0, 0, one.name) / frequencies:.3g} m", f"to {units.physical(1.0, 0, one.name):.4g} m")
-        ]
+        metres = float(units.physical(np.array(1.0), 0, one.name))
+        spans = [(f"{metres / frequencies:.3g} m", f"to {metres:.4g} m")]
         if pulses > 1 and units.carrier_hz is not None:
-            span = units.physical(1.0, 1, one.name)
-            spans.append((f"{span / pulses:.3g} m/s", f"±{span / 2:.4g} m/s"))
+            speed = float(units.physical(np.array(1.0), 1, one.name))
+            spans.append((f"{speed / pulses:.3g} m/s", f"±{speed / 2:.4g} m/s"))
         elif pulses > 1:
             spans.append((f"{units.doppler_hz / pulses / 1e3:.3g} kHz", f"±{units.doppler_hz / 2e3:.4g} kHz"))
         cells, ends = (", ".join(column) for column in zip(*spans, strict=True))
