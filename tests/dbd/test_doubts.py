@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tmca.dbd import Channel, Chirp, Problem, Truth, simulate, solve, waveform_source
-from tmca.dbd.doubts import _doubt
+from tmca.dbd.doubts import _doubt, whole_doubt
 from tmca.dbd.model import LittleExplained
 from tmca.dbd.tables import recovery_lines
 
@@ -64,6 +64,37 @@ def test_what_is_unexplained_is_the_energy_that_the_paths_leave():
     assert recovery.unexplained == pytest.approx(0.01, rel=0.4)
 
 
+@pytest.mark.parametrize(("factor", "noted"), [(0.9, False), (1.0, False), (6.0, True)])
+def test_a_sigma_that_is_too_large_is_noted(factor, noted):
+    problem = scene(4e6, THREE)
+    recovery, _ = told(replace(problem, sigma=factor * problem.sigma))
+    notes = [note for note in recovery.notes if note.startswith("sigma seems too large")]
+    assert len(notes) == noted
+    if noted:
+        energy = np.mean(np.abs(problem.y) ** 2)
+        assert f"is {recovery.sigma**2 / energy:.1%} of the samples' energy" in notes[0]
+        estimate = float(notes[0].split("as noise of ")[1].split()[0])
+        assert estimate == pytest.approx(problem.sigma, rel=0.15)
+
+
+def test_little_signal_in_unknown_noise_is_a_reason_too():
+    unknown, said = replace(PROBLEM, sigma=None), "or is there little signal (then give sigma)?"
+    channels = solve(PROBLEM, certify=False).sources
+    assert said in whole_doubt(unknown, channels, 0.9, exact=False)
+    assert said not in whole_doubt(PROBLEM, channels, 0.9, exact=False)
+
+
+def test_progress_tells_of_every_round_of_other_bases_too():
+    told = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        solve(with_rows(np.conj), progress=lambda share, detail: told.append((share, detail)), certify=False)
+    assert {share for share, _ in told} == {None}
+    details = [detail for _, detail in told]
+    assert details[0] == "round 1, 0 points"
+    assert any(one.startswith("other bases: round 2, ") for one in details)
+
+
 def test_a_basis_of_something_else_is_told_without_a_name():
     silent = np.abs(np.arange(11) - 5) > 1
     recovery, [line] = told(with_rows(lambda rows: np.where(silent[:, None], 0, rows)))
@@ -72,12 +103,12 @@ def test_a_basis_of_something_else_is_told_without_a_name():
     assert "found: no, the paths leave" in "\n".join(recovery_lines(recovery))
 
 
-def scene(bandwidth, targets, seed=0, snr_db=20):
-    """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of 15 frequencies in noise."""
-    source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, 15, 3e-6)
+def scene(bandwidth, targets, seed=0, snr_db=20, frequencies=15):
+    """A chirp of so many hertz, echoes of (delay, Doppler, gain) targets, 9 pulses of few frequencies in noise."""
+    source = waveform_source("radar", Chirp(bandwidth, 1e-6), 9, frequencies, 3e-6)
     points = np.array([(delay, doppler, 0) for delay, doppler, _ in targets])
     truth = Truth(points, np.array([gain for *_, gain in targets], complex), np.ones(1, complex))
-    y = Channel.true(source, truth, (1, 9, 15)).samples().reshape(1, 9, 15)
+    y = Channel.true(source, truth, (1, 9, frequencies)).samples().reshape(1, 9, -1)
     sigma = np.sqrt(np.mean(np.abs(y) ** 2)) * 10 ** (-snr_db / 20)
     noise = np.random.default_rng(seed).standard_normal((2, *y.shape)) / 2**0.5
     return Problem(y + sigma * (noise[0] + 1j * noise[1]), (source,), sigma)
@@ -101,6 +132,15 @@ def test_another_pulse_than_the_one_that_was_given_is_suspected(share, known):
     assert "3 with another pulse explain 99." in line
     assert line.endswith("is the pulse of radar right?")
     assert not recovery.found
+
+
+@pytest.mark.parametrize("share", [0.94, 1.06])
+def test_a_pulse_that_is_a_few_per_cent_off_is_suspected(share):
+    problem = scene(10e6, THREE, frequencies=31)
+    recovery, [line] = told(replace(problem, sources=scene(10e6 * share, THREE, frequencies=31).sources))
+    assert len(recovery["radar"]) > 3
+    assert "3 with another pulse explain 9" in line
+    assert line.endswith("is the pulse of radar right?")
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from tmca.dbd import Problem, Units, simulate, solve
+from tmca.dbd import Problem, Source, Units, simulate, solve
 from tmca.dbd.files import load_problem, save_problem, save_recovery
 from tmca.errors import DataError, SettingError, ShapeError
 
@@ -82,6 +82,31 @@ def test_arrays_beyond_what_may_be_loaded_are_not(tmp_path, monkeypatch):
     monkeypatch.setenv("TMCA_MAX_READ", "1MB")
     with pytest.raises(DataError, match=r"large\.npz: found samples and bases, 8 MB in .*TMCA_MAX_READ"):
         load_problem(tmp_path / "large.npz")
+
+
+def test_units_that_cannot_be_are_refused(tmp_path):
+    np.savez(tmp_path / "us.npz", y=plain().y[0], basis_radar=plain().sources[0].rows[0], delay_s=3.0, doppler_hz=2e4)
+    with pytest.raises(
+        SettingError, match=r"us.npz, delay_s: found 3 s, expected at most 5e-05 s; .*seconds and hertz"
+    ):
+        load_problem(tmp_path / "us.npz")
+    with pytest.raises(SettingError, match="carrier_hz: found -1, expected above 0"):
+        Units(1e-6, 2e4, -1)
+    assert Units(3.3e-6, 1 / 3.3e-6).delay_s == 3.3e-6  # no gap between intervals
+
+
+@pytest.mark.parametrize("short", ["radar", "link"])
+def test_the_basis_that_does_not_fit_y_is_named(short):
+    radar = plain().sources[0]
+    rows = {name: radar.rows[:, : 5 if name == short else 7] for name in ("radar", "link")}
+    with pytest.raises(ShapeError, match=rf"basis of {short}: found shape \(3, 5, 2\), expected \(3, 7, J\); as y"):
+        Problem(plain().y[0], [Source(name, one, radar.message) for name, one in rows.items()])
+
+
+def test_samples_without_a_basis_are_told_of_waveforms(tmp_path):
+    np.savez(tmp_path / "y.npz", y=plain().y[0], delay_s=1e-6, doppler_hz=2e5)
+    with pytest.raises(DataError, match=r"basis_NAME or more; or give --waveform NAME=chirp:"):
+        load_problem(tmp_path / "y.npz")
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".sigmf-meta", ".npy"])

@@ -11,7 +11,7 @@ from tmca.dbd import Channel, Problem, Source, Truth, Units, joint_separation, r
 from tmca.dbd.model import LIGHT_M_S
 from tmca.dbd.paths import path_csv, path_rows
 from tmca.dbd.separation import Separation
-from tmca.dbd.tables import recovery_lines, recovery_values, separation_line
+from tmca.dbd.tables import recovery_lines, recovery_values, resolution_line, separation_line
 
 C = 299_792_458.0
 
@@ -183,3 +183,38 @@ def test_range_walk_is_said_in_metres():
     doppler = 1e5 * 0.3  # Hz; both are 0.3 turns a pulse from none
     metres = LIGHT_M_S * doppler / (2 * 10e6) * 8 / 1e5
     assert f"by {metres:.2g} m, {metres / 30:.2g} of a resolution cell" in note
+
+
+def test_a_value_has_the_decimals_of_its_deviation():
+    exact = replace(close_targets(0.4, 0.8, 24e9), sigma=1e-4)
+    truth = exact.truth[0]
+    y = Channel.true(exact.sources[0], truth, exact.shape).samples().reshape(exact.shape)
+    noise = np.random.default_rng(0).standard_normal((2, *y.shape)) * 1e-4 / 2**0.5
+    recovery = solve(replace(exact, y=y + noise[0] + 1j * noise[1]), certify=False)
+    [line] = [line for line in recovery_lines(recovery) if line.strip().startswith("target 1")]
+    value, _, deviation = line.split()[2:5]
+    assert len(value.partition(".")[2]) == len(deviation.partition(".")[2]) > 2
+
+
+def test_resolution_and_what_is_unambiguous_are_said_in_units():
+    problem = close_targets(0.4, 0.8, 24e9)
+    metres, speed = LIGHT_M_S * 3e-6 / 2, LIGHT_M_S / 24e9 / 2 * 1e5
+    recovery = solve(problem, certify=False)
+    ends = f"unambiguous to {metres:.4g} m, ±{speed / 2:.4g} m/s"
+    assert f"resolution: radar {metres / 15:.3g} m, {speed / 9:.3g} m/s, {ends}" in recovery_lines(recovery)
+    assert resolution_line(replace(recovery, problem=close_targets(0.4, 0.8))).endswith("±50 kHz")
+    assert resolution_line(replace(recovery, problem=replace(problem, units=None))) == ""
+
+
+def test_joint_separation_says_which_axis_satisfies_it_and_of_what():
+    line = separation_line(solve(close_targets(0.07, 0.8, doppler=0.3), certify=False))
+    assert "not satisfied: delays" in line
+    apart = replace(close_targets(0.4, 0.8), truth=None)
+    recovery = solve(apart, certify=False)
+    assert "satisfied by the delays and Dopplers: " in separation_line(recovery)
+    [channel] = recovery.sources
+    near = np.column_stack([channel.positions[:, 0], channel.positions[:1, 1].repeat(len(channel))])
+    line = separation_line(replace(recovery, sources=(replace(channel, positions=near),)))
+    assert "satisfied by the delays: delays" in line
+    assert "Dopplers 0 kHz (target 1 and target 2) apart, not more than 12.5 kHz" in line
+    assert line.endswith("(of the points that were found; two closer than a resolution cell may appear as one)")

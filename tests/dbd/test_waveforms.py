@@ -22,6 +22,7 @@ from tmca.dbd import (
     spectra_of_recording,
     waveform_source,
 )
+from tmca.dbd.files import save_problem
 from tmca.dbd.simulation import carriers
 from tmca.errors import DataError, SettingError, ShapeError
 
@@ -238,6 +239,22 @@ def test_samples_without_a_basis_take_a_waveform(tmp_path):
     with pytest.raises(SettingError, match="known useful time"):
         load_problem(tmp_path / "bare.npz", waveforms)
     assert isinstance(found.problem.sources[0], Source)
+
+
+@pytest.mark.parametrize("name", ["rdar", "radars", "radar 2", "communications"])
+@pytest.mark.parametrize("suffix", ["npz", "nc"])
+def test_a_name_that_is_nearly_one_of_the_bases_is_refused(tmp_path, suffix, name):
+    waveforms = read_waveforms(f"{name}=chirp:bandwidth=9e6,duration=5e-7")
+    radar, file = waveform_source("radar", Chirp(9e6, 5e-7), 4, 21, USEFUL), tmp_path / f"y.{suffix}"
+    if suffix == "npz":
+        np.savez(file, y=radar.rows[..., 0], basis_radar=radar.rows[0], delay_s=USEFUL, doppler_hz=2e5)
+    else:
+        save_problem(Problem(radar.rows[..., 0], (radar,), units=Units(USEFUL, 2e5)), file)
+    if name in ("rdar", "radars"):
+        with pytest.raises(SettingError, match=f"waveform: found {name}, expected radar, .*; did you mean radar"):
+            load_problem(file, waveforms)
+    else:
+        assert [one.name for one in load_problem(file, waveforms).sources] == ["radar", name]
 
 
 @pytest.mark.parametrize(("shape", "said"), [

@@ -10,14 +10,16 @@ import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, relative_residual, unknowns
-from tmca.dbd.frank_wolfe import frank_wolfe
+from tmca.dbd.frank_wolfe import frank_wolfe, rounds_told
 from tmca.dbd.model import Complex, Mask, Problem, Source, distance, is_radar
-from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_other_pulse
+from tmca.dbd.pulses import groups_of_dopplers, has_one_pulse, with_near_pulse, with_other_pulse
 
 _LITTLE, _SIGMAS = 0.5, 5.0
 """Share of the signal's energy that a fit may leave, and standard deviations of the noise's energy above its mean."""
 _FAR, _MODEL = 3.0, 0.02
 """Times a stated noise's energy, and share of the samples' energy on top, above which something else is on air."""
+_TOO_LITTLE, _BY_CHANCE = 0.7, 1e-6
+"""Share of the energy that is left with a right sigma, and chance of less, below which sigma is too large."""
 _CANCELLING, _PAIRS, _CELL = 10.0, 12, 1.0
 """Energy of all paths one by one over that of their sum, and paths that have a neighbour within so many resolution
 cells, from which paths are no paths: close ones that cancel explain anything.
@@ -36,6 +38,8 @@ _EXPLAINS, _MOST = 0.9, 0.4
 """Share of the signal's energy that a variant has to explain before it is named, and its most unknowns for every real
 sample.
 """
+_NEAR_PULSE = 8.0
+"""What a pulse of another chirp rate has to gain in the information criterion: one unknown and the choice of it."""
 _ROUNDING = 1e-18
 """Shares of energy below which numbers are rounding alone."""
 
@@ -70,7 +74,9 @@ def noise_share(problem: Problem) -> float:
     return (problem.sigma or 0.0) ** 2 * (samples + _SIGMAS * samples**0.5) / power
 
 
-def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exact: bool) -> str | None:
+def whole_doubt(
+    problem: Problem, channels: Sequence[Channel], left: float, exact: bool, report: Callable[..., None] | None = None
+) -> str | None:
     """Why paths do not explain the samples, with the bases that would, in one sentence; None where they do.
 
     Args:
@@ -78,20 +84,41 @@ def whole_doubt(problem: Problem, channels: Sequence[Channel], left: float, exac
         channels: what was recovered.
         left: relative residual.
         exact: whether that is an exact fit with fewer unknowns than samples.
+        report: of the rounds of solutions with other bases.
     """
     if exact:
         return None
     alone = _doubt(problem, channels, left)
-    meant = better_variant(problem, channels, left, alone is not None)
+    meant = better_variant(problem, channels, left, alone is not None, report)
     if meant:
         count = sum(map(len, channels))
         return f"{alone or f'{count} paths explain {1 - left**2:.0%}, other bases need fewer'}; {meant}"
     pulse = another_pulse(problem, channels, left)
     if alone is None or pulse is not None:
         return pulse
+    quiet = "" if problem.sigma is not None else " or is there little signal (then give sigma)?"
     return (
-        f"{alone}: is a source missing? are bases, messages and sigma those of y? "
+        f"{alone}: is a source missing?{quiet} are bases, messages and sigma those of y? "
         "is y pulses x frequencies, lowest frequency first?"
+    )
+
+
+def loud_sigma(problem: Problem, channels: Sequence[Channel], left: float) -> str | None:
+    """That a stated noise is far more than what the paths leave, which no such noise would: by chi-square; or None."""
+    from scipy.stats import chi2
+
+    if not problem.sigma:
+        return None
+    power = float(np.linalg.norm(problem.y)) ** 2
+    free = max(2 * problem.y.size - unknowns(channels), 1)
+    left_over = 2 * left**2 * power / problem.sigma**2
+    if left_over > _TOO_LITTLE * free or chi2.cdf(left_over, free) > _BY_CHANCE:
+        return None
+    stated = problem.sigma**2 * problem.y.size / power
+    return (
+        f"sigma seems too large: noise of {problem.sigma:.3g} is {stated:.1%} of the samples' energy, the paths leave "
+        f"{left**2:.1%}, as noise of {problem.sigma * (left_over / free) ** 0.5:.3g} does; "
+        "every ± grows with sigma, and weak paths are missed"
     )
 
 
@@ -145,17 +172,28 @@ def another_pulse(problem: Problem, channels: Sequence[Channel], left: float) ->
         if not poor and len(one) == velocities:
             continue
         other = with_other_pulse(problem, channels, index)
-        remains, count = relative_residual(other, problem.y) ** 2, len(other[index])
-        if count > 1 and _criterion(other, remains, problem) < least:  # one would do with any row of targets
+        remains = relative_residual(other, problem.y) ** 2
+        gain = least - _criterion(other, remains, problem)
+        if gain <= 0 and one.atoms.source.subspace == 1 and velocities < len(one):
+            other = with_near_pulse(problem, channels, index)
+            remains = relative_residual(other, problem.y) ** 2
+            gain = least - _criterion(other, remains, problem) - _NEAR_PULSE
+        if len(other[index]) > 1 and gain > 0:  # one would do with any row of targets
             word = "targets" if is_radar(one.name) else "paths"
             return (
-                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, {count} with "
-                f"another pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
+                f"{len(one)} {word} of {one.name} explain {1 - left**2:.1%} of the samples' energy, "
+                f"{len(other[index])} with another pulse explain {1 - remains:.1%}: is the pulse of {one.name} right?"
             )
     return None
 
 
-def better_variant(problem: Problem, channels: Sequence[Channel], left: float, doubtful: bool) -> str | None:
+def better_variant(
+    problem: Problem,
+    channels: Sequence[Channel],
+    left: float,
+    doubtful: bool,
+    report: Callable[..., None] | None = None,
+) -> str | None:
     """The variant of the bases that explains the samples where these do not, with what may be swapped; or None.
 
     Nothing is tried where few paths explain the samples. Elsewhere the matched filters say which are tried: those of
@@ -169,8 +207,9 @@ def better_variant(problem: Problem, channels: Sequence[Channel], left: float, d
     heights = sorted(((_height(problem, one.sources), one) for one in _meant(problem)), key=lambda pair: -pair[0])
     coarse = max(problem.sigma or 0.0, _COARSE * float(np.sqrt(np.mean(np.abs(problem.y) ** 2))))
     best: tuple[float, str | None] = (_criterion(channels, left**2, problem), None)
+    tell = rounds_told(report, "other bases: ")
     for _, meant in [pair for pair in heights if pair[0] >= lowest][: _TRIES if samples < 2 * _LARGE else 1]:
-        other = frank_wolfe(replace(problem, sources=meant.sources, sigma=coarse, truth=None)).channels
+        other = frank_wolfe(replace(problem, sources=meant.sources, sigma=coarse, truth=None), tell).channels
         remains = relative_residual(other, problem.y) ** 2
         criterion = _criterion(other, remains, problem)
         explains = remains <= noise + (1 - _EXPLAINS) * (1 - noise) and unknowns(other) <= _MOST * samples

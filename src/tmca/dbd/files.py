@@ -5,8 +5,10 @@ Complex numbers in NetCDF have a last dimension ``part``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from difflib import get_close_matches
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +27,7 @@ from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recordings import DATA, META
 from tmca.dbd.simulation import carriers
 from tmca.dbd.waveforms import Waveform, with_waveforms
-from tmca.errors import DataError, ShapeError, TmcaError, check_shape
+from tmca.errors import DataError, SettingError, ShapeError, TmcaError, check_shape
 
 if TYPE_CHECKING:
     from tmca.dbd.recovery import Recovery
@@ -37,6 +39,8 @@ _UNITS = ("delay_s", "doppler_hz", "carrier_hz", "spacing")
 _NPZ = ("y", "sigma", *_UNITS)
 _OF_SOURCES = ("basis", "message", "weight")
 _CHANNEL = "a known channel with an unknown message has no solver here"
+_SEPARATOR, _NEAR = re.compile(r"[\W_\d]"), 0.75
+"""What ends the first word of a source's name, and how like that of another one it is where it may be misspelt."""
 _RECORDINGS = (".mat", ".npy", META, DATA)
 _EXPECTED = "samples y, and basis and message of every source, as `tmca dbd simulate` writes them"
 
@@ -160,7 +164,9 @@ def load_problem(path: str | Path, waveforms: Mapping[str, Waveform] | None = No
     try:
         if path.suffix == ".npz":
             return _from_arrays(_npz_arrays(path, waveforms or {}), waveforms or {})
-        return with_waveforms(_from_dataset(path, read_dataset(path)), waveforms or {})
+        problem = _from_dataset(path, read_dataset(path))
+        _check_misspelt(waveforms or {}, [one.name for one in problem.sources])
+        return with_waveforms(problem, waveforms or {})
     except TmcaError as error:
         if error.where.startswith(str(path)):
             raise
@@ -243,7 +249,8 @@ def _npz_arrays(path: Path, waveforms: Mapping[str, Waveform]) -> dict[str, Any]
     heads = npz_heads(path)
     names = [name.removeprefix("basis_") for name in heads if name.startswith("basis_")]
     if "y" not in heads or not (names or waveforms):
-        raise DataError(path, ", ".join(heads) or "nothing", "y and one basis_NAME or more")
+        remedy = "or give --waveform NAME=chirp:bandwidth=…,duration=… for a basis" if "y" in heads else ""
+        raise DataError(path, ", ".join(heads) or "nothing", "y and one basis_NAME or more", remedy)
     of_sources = {f"{kind}_{name}" for kind in _OF_SOURCES for name in names}
     unknown = [name for name in heads if name not in _NPZ and name not in of_sources]
     if unknown:
@@ -254,6 +261,19 @@ def _npz_arrays(path: Path, waveforms: Mapping[str, Waveform]) -> dict[str, Any]
     remedy = "np.savez(path, y=…, basis_radar=…, …)"
     with whole_file(path, ".npz of plain arrays", remedy), np.load(path, allow_pickle=False) as loaded:
         return {name: loaded[name] for name in heads}
+
+
+def _check_misspelt(waveforms: Mapping[str, Waveform], known: Sequence[str]) -> None:
+    """Raises SettingError for a waveform beside the bases whose name is nearly that of one of them.
+
+    Names that differ after a digit or a separator alone, such as ``radar`` and ``radar 2``, are of several sources.
+    """
+    firsts = {_SEPARATOR.split(one)[0]: one for one in known}
+    for name in waveforms:
+        near = get_close_matches(_SEPARATOR.split(name)[0], list(firsts), 1, _NEAR)
+        if name not in known and near and near[0] != _SEPARATOR.split(name)[0]:
+            remedy = f"did you mean {firsts[near[0]]}? a source beside them needs a name less like it"
+            raise SettingError("waveform", name, f"{', '.join(known)}, the sources with a basis", remedy)
 
 
 def _check_transposed(y: Any, name: str, rows: Any) -> None:
@@ -285,6 +305,7 @@ def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> P
         weight = {"weight": numbers[f"weight_{name}"]} if f"weight_{name}" in numbers else {}
         sources.append(Source(name, rows, arrays.get(f"message_{name}", plain), **weight))
     units = _units(numbers)
+    _check_misspelt(waveforms, [one.name for one in sources])
     if not sources:  # a stand-in, which only tells the size, until the waveforms take its place
         check_shape("y", y, (..., "pulses", "frequencies"))
         stand_in = Source(next(iter(waveforms)), np.ones((*y.shape[-2:], 1)), np.zeros(y.shape[-2], np.int64))

@@ -7,7 +7,8 @@ in the regularisation; without noise followed by an exact fit with as few atoms 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from itertools import count
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,8 @@ from tmca.dbd.channel import (
 from tmca.dbd.model import Complex, Problem, Real
 from tmca.dbd.noise import cost, largest_level, noise_level, structured
 
+Tell = Callable[[int], None]
+"""Takes the number of points, in every round."""
 EXACT = 1e-9
 """Relative residual from which samples count as explained exactly."""
 _LEVELS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3)
@@ -67,30 +70,41 @@ class Solution(NamedTuple):
     """Atoms at which it stopped, more than there may be; 0 where it did not."""
 
 
-def frank_wolfe(problem: Problem) -> Solution:
+def rounds_told(report: Callable[..., None] | None, what: str = "") -> Tell:
+    """What counts the rounds of work whose share nobody knows, for a progress report."""
+    rounds = count(1)
+
+    def tell(points: int) -> None:
+        if report is not None:
+            report(None, detail=f"{what}round {next(rounds)}, {points} points")
+
+    return tell
+
+
+def frank_wolfe(problem: Problem, tell: Tell = lambda points: None) -> Solution:
     """Solves with the noise the problem states: an exact fit, one regularisation, or a path of them if unknown."""
     if problem.sigma is None:
-        return _unknown_noise(problem)
+        return _unknown_noise(problem, tell)
     audible = EXACT * float(np.sqrt(np.mean(np.abs(problem.y) ** 2)))
     if problem.sigma <= audible:
-        return _noiseless(problem)
-    solution = _at_noise(problem, no_paths(problem), problem.sigma, noise_level(problem) * problem.sigma)
+        return _noiseless(problem, tell)
+    solution = _at_noise(problem, no_paths(problem), problem.sigma, noise_level(problem) * problem.sigma, tell)
     if not solution.stopped:
         return solution
     note = (
         f"stopped at {solution.stopped} points, too many for {problem.y.size} samples: noise of the given sigma, "
         f"{problem.sigma:.3g}, does not explain the rest; the noise is estimated instead"
     )
-    return _unknown_noise(problem)._replace(notes=(note,))
+    return _unknown_noise(problem, tell)._replace(notes=(note,))
 
 
-def _noiseless(problem: Problem) -> Solution:
+def _noiseless(problem: Problem, tell: Tell) -> Solution:
     channels, y = no_paths(problem), problem.y
     top = level = largest_level(channels, y)
     best: tuple[float, Channels | None] = (np.inf, None)
     for share in _LEVELS:
         level = share * top
-        channels = descend(channels, y, level)
+        channels = descend(channels, y, level, tell=tell)
         left = [one for one in _SHARES if one >= share / 3]  # the regularisation has left none below that counts
         best = min(best, exact_fit(channels, y, left), key=lambda one: one[0])
         if best[0] < EXACT or crowded(channels, y):
@@ -100,14 +114,14 @@ def _noiseless(problem: Problem) -> Solution:
     return Solution(lifted, structured(lifted, y, 0.0), q, 0.0)
 
 
-def _at_noise(problem: Problem, channels: Channels, sigma: float, level: float) -> Solution:
+def _at_noise(problem: Problem, channels: Channels, sigma: float, level: float, tell: Tell) -> Solution:
     """Solves on from lifted channels at one regularisation; in ``lifted`` are the ones to go on from."""
     y, top = problem.y, largest_level(channels, problem.y)
     steps = [] if any(paths(channels)) else [share * top for share in (0.5, 0.25) if share * top > level]
     stopped, most = 0, max(_FEWEST, y.size // _SAMPLES)
     if unknowns(channels) < y.size:  # beyond, only the selection of paths goes on
         for step in (*steps, level):
-            further = descend(channels, y, step, rounds=15, weak=1e-4, most=most)
+            further = descend(channels, y, step, rounds=15, weak=1e-4, most=most, tell=tell)
             if sum(paths(further)) > most:
                 stopped = sum(paths(further))
                 break
@@ -117,7 +131,7 @@ def _at_noise(problem: Problem, channels: Channels, sigma: float, level: float) 
     return Solution(channels, structured(joined, y, sigma), q, sigma, stopped=stopped)
 
 
-def _unknown_noise(problem: Problem) -> Solution:
+def _unknown_noise(problem: Problem, tell: Tell) -> Solution:
     """Lowers the noise level until the Bayesian information criterion with unknown noise is at its best."""
     channels, factor = no_paths(problem), noise_level(problem)
     size = problem.y.size
@@ -126,7 +140,7 @@ def _unknown_noise(problem: Problem) -> Solution:
     best: tuple[float, Solution | None] = (np.inf, None)
     least = 0.0
     while sigma > max(_NO_NOISE * scale, least):
-        solution = _at_noise(problem, channels, sigma, factor * sigma)
+        solution = _at_noise(problem, channels, sigma, factor * sigma, tell)
         if solution.stopped:
             break
         channels = solution.lifted
@@ -135,13 +149,13 @@ def _unknown_noise(problem: Problem) -> Solution:
         if free < size / 4:
             break
         if left < _NO_NOISE * scale * np.sqrt(size):
-            return _noiseless(problem)
+            return _noiseless(problem, tell)
         criterion = 2 * size * float(np.log(left**2 / size)) + cost(solution.channels, problem.y, 1.0) - 2 * left**2
         if criterion < best[0]:
             best = criterion, solution._replace(sigma=float(left / np.sqrt(free)))
             least = _OVERFIT * left / np.sqrt(free)
         sigma *= _SHRINK
-    return best[1] or _at_noise(problem, no_paths(problem), sigma, factor * sigma)
+    return best[1] or _at_noise(problem, no_paths(problem), sigma, factor * sigma, tell)
 
 
 def crowded(channels: Channels, y: Complex) -> bool:
@@ -150,14 +164,21 @@ def crowded(channels: Channels, y: Complex) -> bool:
 
 
 def descend(
-    channels: Channels, y: Complex, level: float, rounds: int = 12, weak: float = 1e-6, most: float = np.inf
+    channels: Channels,
+    y: Complex,
+    level: float,
+    rounds: int = 12,
+    weak: float = 1e-6,
+    most: float = np.inf,
+    tell: Tell = lambda points: None,
 ) -> Channels:
     """Solves the group BLASSO at one regularisation from lifted channels, without atoms below a share of the whole.
 
-    It stops with more than ``most`` atoms.
+    It stops with more than ``most`` atoms, and tells of every round.
     """
     channels = fit(channels, y, 10, level)
     for _ in range(rounds):
+        tell(sum(paths(channels)))
         if crowded(channels, y) or sum(paths(channels)) > most:
             break
         dual = residual(channels, y) / level

@@ -74,12 +74,22 @@ class Units:
         doppler_hz: hertz of a normalised Doppler of one: the pulse repetition frequency.
         carrier_hz: carrier frequency, for velocities; None leaves Dopplers in hertz.
         spacing: antenna spacing in wavelengths, for angles.
+
+    Raises:
+        SettingError: numbers that are not positive, a useful time longer than the interval between pulses.
     """
 
     delay_s: float
     doppler_hz: float
     carrier_hz: float | None = None
     spacing: float = 0.5
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if value is not None:
+                check_range(name, value, above=0)
+        remedy = f"it is within an interval of 1 / doppler_hz ({self.doppler_hz:g} Hz); give seconds and hertz"
+        check_range("delay_s", self.delay_s, high=(1 + 1e-9) / self.doppler_hz, unit="s", remedy=remedy)
 
     def physical(self, values: Real, axis: int, name: str) -> Real:
         """Normalised delays (axis 0) in metres, Dopplers (1) of −½ to ½ in metres a second, angles (2) in degrees.
@@ -255,10 +265,11 @@ class Problem(Summary):
         names = [one.name for one in self.sources]
         if not names or len(set(names)) < len(names):
             raise SettingError("sources", ", ".join(names) or "none", "at least one, each with a name of its own")
-        size = self.sources[0].rows.shape[:2]
-        for source in self.sources[1:]:
-            check_shape(f"basis of {source.name}", source.rows, (*size, "J"), f"as {names[0]}")
-        y = np.asarray(self.y, np.complex128)
+        y, size, like = np.asarray(self.y, np.complex128), self.sources[0].rows.shape[:2], names[0]
+        if y.ndim > 1 and y.shape[-2:] in [one.rows.shape[:2] for one in self.sources]:
+            size, like = y.shape[-2:], "y"
+        for source in self.sources:
+            check_shape(f"basis of {source.name}", source.rows, (*size, "J"), f"as {like}")
         shape = (y.shape[0] if y.ndim == 3 else 1, *size)
         if y.shape not in (shape, size, (size[0] * size[1],)):
             expected = f"{size} or {size[0] * size[1]} numbers, after antennas where there are any"

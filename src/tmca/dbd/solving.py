@@ -12,9 +12,9 @@ import numpy as np
 
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
-from tmca.dbd.doubts import whole_doubt
+from tmca.dbd.doubts import loud_sigma, whole_doubt
 from tmca.dbd.dual import solve_admm, solve_cvx
-from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe
+from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe, rounds_told
 from tmca.dbd.model import (
     BeyondFreedom,
     Complex,
@@ -73,8 +73,8 @@ def solve(
         early: let ``sdp`` stop as soon as its peaks explain noiseless samples exactly.
         accuracy: relative residual at which ``sdp`` ends; the value of the programme is about ten times as inexact.
         solver: CVXPY's name of the solver.
-        progress: called with the share that ``sdp`` has done, 0 to 1, and a ``detail``; True for a bar, False for
-            none; None for one that is shown after a second in a terminal or a notebook.
+        progress: called with the share that ``sdp`` has done, 0 to 1, None for ``sfw``, and a ``detail``; True for a
+            bar, False for none; None for one that is shown after a second in a terminal or a notebook.
 
     Returns:
         The recovery; ``found``, ``exact`` and ``certified`` are separate statements.
@@ -103,13 +103,14 @@ def solve(
     excess = problem.truth and beyond_freedom(problem, [len(one.points) for one in problem.truth])
     if excess:
         warnings.warn(excess, BeyondFreedom, stacklevel=2)
-    if method == "sfw":
-        solution = frank_wolfe(problem)
-    else:
+    if method != "sfw":
         _check_dual(problem, method, gram, solver)
-        with reporting(progress, method) as report:
+    with reporting(progress, method) as report:
+        if method == "sfw":
+            solution = frank_wolfe(problem, rounds_told(report))
+        else:
             solution = _by_dual(problem, method, gram, early, accuracy, solver, report)
-    recovery = _recovery(problem, method, solution, certify, began)
+        recovery = _recovery(problem, method, solution, certify, began, report)
     if recovery.doubt:
         warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)
     return recovery
@@ -196,12 +197,16 @@ def _explaining(problem: Problem, q: Complex) -> Channels | None:
     return None
 
 
-def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, began: float) -> Recovery:
+def _recovery(
+    problem: Problem, method: str, solution: Solution, certify: bool, began: float, report: Callable[..., None] | None
+) -> Recovery:
     channels, counts = solution.channels, paths(solution.channels)
     left = relative_residual(channels, problem.y)
     exact = bool(solution.sigma == 0 and left < EXACT and unknowns(channels) < 2 * problem.y.size)
     proof = certificate(solution.lifted) if certify and exact else None
     notes = [*ambiguities(problem), *solution.notes]
+    if loud := loud_sigma(problem, channels, left):
+        notes.append(loud)
     if beyond_freedom(problem, counts):
         notes.append(f"{sum(counts)} paths have more lifted unknowns than there are samples: they mean nothing")
     if proof is not None and (proof.status != "certified" or not proof.unique):
@@ -210,7 +215,7 @@ def _recovery(problem: Problem, method: str, solution: Solution, certify: bool, 
         pairs = zip(channels, bounds(channels, solution.sigma), strict=True)
         channels = [replace(one, bounds=one.atoms.full(deviations)) for one, deviations in pairs]
     q = proof.q if proof is not None and proof.certified and proof.q is not None else solution.q
-    doubtful = whole_doubt(problem, channels, left, exact)
+    doubtful = whole_doubt(problem, channels, left, exact, report)
     seconds, sigma = time.perf_counter() - began, solution.sigma
     recovery = Recovery(problem, method, tuple(channels), left, exact, proof, sigma, q, seconds, (), doubtful)
     separated = any(one.satisfied or not one.nearest for one in joint_separation(recovery))

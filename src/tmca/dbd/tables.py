@@ -20,6 +20,8 @@ _PHYSICAL = (
     ("angle_deg", "angle, degrees", 1.0, 2), ("delay_s", "delay, µs", 1e6, 5), ("doppler_hz", "Doppler, kHz", 1e-3, 3),
 )  # fmt: skip
 """Numbers of a table: heading, factor and digits."""
+_PLURAL = {"delay": "delays", "doppler": "Dopplers"}
+_MOST_DECIMALS = 12
 _MOST_IN_DOUBT = 12
 """Paths of a source that a table in doubt has, the strongest."""
 
@@ -69,18 +71,38 @@ def _separation_values(recovery: Recovery) -> dict[str, Any]:
 
 def separation_line(recovery: Recovery) -> str:
     """The joint separation of all targets and paths in one line."""
-    parts, satisfied, names = [], False, path_names(recovery)
-    for one in joint_separation(recovery):
-        satisfied = satisfied or one.satisfied
+    separation, parts, names = joint_separation(recovery), [], path_names(recovery)
+    satisfied = [_PLURAL[one.axis] for one in separation if one.satisfied]
+    for one in separation:
         between = f" ({' and '.join(names[path] for path in one.nearest)})" if one.nearest else ""
         least, needed = _apart(one, recovery)
         apart = f"{least}{between}" if one.nearest else "no two"
-        word = "delays" if one.axis == "delay" else "Dopplers"
-        parts.append(f"{word} {apart} apart, more than {needed} is enough")
+        comparison = f"not more than {needed}" if satisfied and not one.satisfied else f"more than {needed} is enough"
+        parts.append(f"{_PLURAL[one.axis]} {apart} apart, {comparison}")
     if not parts:
         return "joint separation (Monsalve et al. 2022): not defined for these samples"
-    verdict = "satisfied" if satisfied else "not satisfied"
-    return f"joint separation (Monsalve et al. 2022): {verdict}: {'; '.join(parts)}"
+    verdict = f"satisfied by the {' and '.join(satisfied)}" if satisfied else "not satisfied"
+    found = "of the points that were found; two closer than a resolution cell may appear as one"
+    return f"joint separation (Monsalve et al. 2022): {verdict}: {'; '.join(parts)} ({found})"
+
+
+def resolution_line(recovery: Recovery) -> str:
+    """Resolution cells and unambiguous intervals of range and velocity of all sources; empty without units."""
+    units, (_, pulses, frequencies) = recovery.problem.units, recovery.problem.shape
+    if units is None or frequencies == 1:
+        return ""
+    parts: dict[str, list[str]] = {}
+    for one in recovery.sources:
+        metres = float(units.physical(np.array(1.0), 0, one.name))
+        spans = [(f"{metres / frequencies:.3g} m", f"to {metres:.4g} m")]
+        if pulses > 1 and units.carrier_hz is not None:
+            speed = float(units.physical(np.array(1.0), 1, one.name))
+            spans.append((f"{speed / pulses:.3g} m/s", f"±{speed / 2:.4g} m/s"))
+        elif pulses > 1:
+            spans.append((f"{units.doppler_hz / pulses / 1e3:.3g} kHz", f"±{units.doppler_hz / 2e3:.4g} kHz"))
+        cells, ends = (", ".join(column) for column in zip(*spans, strict=True))
+        parts.setdefault(f"{cells}, unambiguous {ends}", []).append(one.name)
+    return "resolution: " + "; ".join(f"{' and '.join(names)} {said}" for said, names in parts.items())
 
 
 def _apart(separation: Separation, recovery: Recovery) -> tuple[str, str]:
@@ -120,7 +142,7 @@ def recovery_lines(recovery: Recovery, markdown: bool = False, file: str = "") -
     lines = [verdict, "", *tables] if recovery.doubt else [*tables, verdict]
     separated = separation_line(recovery)
     if any(map(len, recovery)):
-        lines.append(separated)
+        lines += [line for line in (resolution_line(recovery), separated) if line]
     if recovery.problem.truth is not None:
         score = recovery.score()
         wrong = not np.isfinite(score.max_error)
@@ -178,10 +200,17 @@ def _cells(row: dict[str, Any], problem: Problem, relative: bool) -> dict[str, s
         if (value := row[name]) is not None:
             bound, moves = row[f"{name}_std"], name in ("doppler", "doppler_hz", "velocity_m_s")
             quantity, comma, unit = heading.partition(",")
-            spread = "" if bound is None else f" ± {bound * scale:{'.1e' if problem.units is None else '.2g'}}"
-            cells[quantity + " (relative)" * (relative and moves) + comma + unit] = (
-                f"{value * scale:.{digits}f}{spread}"
-            )
+            form = ".1e" if problem.units is None else "#.2g"
+            spread = "" if bound is None else f" ± {bound * scale:{form}}".rstrip(".")
+            shown = f"{value * scale:.{max(digits, _decimals(bound and bound * scale))}f}{spread}"
+            cells[quantity + " (relative)" * (relative and moves) + comma + unit] = shown
     gain = complex(row["gain_real"], row["gain_imag"])
     power = "" if row["power_db"] is None else f"{row['power_db']:.2f}"
     return cells | {"gain": f"{abs(gain):.3g} ∠ {np.rad2deg(np.angle(gain)):.0f}°", "power, dB": power}
+
+
+def _decimals(deviation: float | None) -> int:
+    """Of a number whose standard deviation has two significant digits; 0 where there is none."""
+    if not deviation or not np.isfinite(deviation):
+        return 0
+    return min(1 - int(np.floor(np.log10(deviation))), _MOST_DECIMALS)
