@@ -1,6 +1,7 @@
 """A class of a file that is named on the command line: it is run, and what is wrong with it is one line."""
 
 import re
+import subprocess
 import sys
 
 import pytest
@@ -88,6 +89,16 @@ def test_packages_of_an_environment_below_the_folder_are_not_beside_a_file(file,
     class_from_file(f"{tmp_path / 'other.py'}:Lamp", object, "--device")
     assert {"installed_there", "beside_it"} & {*sys.modules} == {"installed_there"}
     sys.modules.pop("installed_there")
+
+
+def test_the_script_that_names_files_beside_it_stays(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.py").write_text("class Lamp:\n    pass\n")
+    load = "[class_from_file(f'{one}.py:Lamp', object, 'device') for one in 'ab']"
+    code = f"import sys\nfrom tmca.plugins import class_from_file\n{load}\nprint('__main__' in sys.modules)\n"
+    (tmp_path / "script.py").write_text(code)
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout == "True\n", done.stderr
 
 
 def test_an_edited_module_beside_a_file_makes_another_class(tmp_path):

@@ -190,7 +190,9 @@ def _lies_in(folder: str, top: str) -> bool:
     """Whether a module or a package was found in a folder itself: what lies below, such as an environment, was not."""
     module = sys.modules.get(top)
     places = [*(getattr(module, "__path__", None) or ()), getattr(module, "__file__", None)]
-    return top != "tmca" and any(isinstance(place, str) and os.path.dirname(place) == folder for place in places)
+    return top not in ("tmca", "__main__") and any(
+        isinstance(place, str) and os.path.dirname(place) == folder for place in places
+    )
 
 
 def file_of(cls: Class) -> Path | None:

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,7 @@ def test_a_damaged_file_is_named(plugin):
     ("{cube.name: cube}", "{'cube': np.ones(3)}", r"found cube as a ndarray from text_cube.*from_array"),
     ("nm * 1e-9", "nm", "found wavelengths up to 600 m from text_cube.*multiply nanometres by 1e-9"),
     ('".cube3"', '".npy"', "cannot be loaded .*reads: found .npy, which tmca.data.formats.arrays reads"),
+    ("return Contents", "return 1 / 0 or Contents", r"ZeroDivisionError: .* \(line 12\) in text_cube\.open_text_cube"),
     ('".cube3"', '"cube3"', "cannot be loaded .*reads: found 'cube3', expected a suffix in small letters"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_reader_is_one_line_that_names_it(tmp_path, monkeypatch, old, new, said):
@@ -59,3 +61,10 @@ def test_what_is_wrong_with_a_reader_is_one_line_that_names_it(tmp_path, monkeyp
     finally:
         OPENERS.pop(".cube3", None)
         sys.modules.pop("text_cube", None)
+
+
+def test_a_reader_that_is_no_function_is_named_too(tmp_path, monkeypatch):
+    monkeypatch.setitem(OPENERS, ".mine", partial(int, base=3))
+    (tmp_path / "b.mine").write_text("")
+    with pytest.raises(DataError, match=r"b.mine: found TypeError: .* in "):
+        read(tmp_path / "b.mine")

@@ -1,5 +1,7 @@
 """What a study of one's own takes: uneven bands, decoders and sensors from Python, one path, strings for folders."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from tmca import Sensor
 from tmca.cli import main
 from tmca.data import label, read_dataset, write_dataset
 from tmca.decoders import Decoder, decoders
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.evaluation.gains import multiplexed, multiplexing
 from tmca.evaluation.own import own_study
 from tmca.evaluation.page import markdown, results
@@ -71,6 +73,32 @@ def test_the_gain_of_multiplexing_is_told_by_the_buckets_that_it_needs_and_over_
         ("one", "one slot"), ("two", "one slot"), ("one", "a burst"), ("two", "a burst")]  # fmt: skip
 
 
+def test_rows_without_a_scene_in_common_gain_nothing_that_could_be_told():
+    study = own_study(["coffee"], codes=["cassi", "one-hot"], decoders=["dagger"], crop=(20, 24))
+    found = measured(study, {"cassi": 30.0, "one-hot": 30.5})
+    found["split"]["test"] = found["split"]["real"] = ["a", "b"]
+    found["rows"][1]["scenes"] = {"b": {"psnr": 30.5}}
+    assert multiplexing(found, study) == []
+    (section,) = multiplexed(found, study)
+    assert section.table[0]["gain"] is None
+
+
+def test_bands_beyond_the_visible_range_are_left_to_who_asks_for_them(here):
+    wide = label(np.random.default_rng(0).random((14, 20, 24), np.float32), np.linspace(400e-9, 1000e-9, 14))
+    write_dataset(wide.to_dataset(name="radiance"), here / "wide.nc")
+    main(["simulate", "spectral", "wide.nc", "--slots", "2", "--no-figures", "--out", "s.nc"])
+    study = own_study("wide.nc", codes=["cassi"], decoders=["dagger"])
+    assert study.reading["bands"] == len(bands_of("s.nc")) == 7
+    assert max(bands_of("s.nc")) <= 700e-9
+
+
+def test_a_cube_that_says_something_of_a_recording_is_a_cube(here, capsys):
+    cube = read_dataset("uneven.nc", ()).assign_attrs(recording="session 3")
+    write_dataset(cube, here / "said.nc")
+    main(["inspect", "said.nc"])
+    assert "cube" in capsys.readouterr().out
+
+
 MINE = """
 from tmca.decoders import Decoder
 
@@ -99,7 +127,13 @@ def test_a_class_is_taken_where_every_process_knows_it_and_else_told_how():
             return values
 
     how = {"codes": ["cassi"], "crop": (20, 24)}
-    assert own_study(["coffee"], decoders=[decoders()["dagger"]], **how).decoders == ("dagger",)
+    for given in ([decoders()["dagger"]], decoders()["dagger"]):
+        assert own_study(["coffee"], decoders=given, **how).decoders == ("dagger",)
+    for given in (Landweber(), Decoder):
+        with pytest.raises(SettingError, match="decoders: found the class"):
+            own_study(["coffee"], decoders=given, **how)
+    with pytest.raises(DataError, match=r"none\.nc: found no such file"):
+        own_study(["coffee"], decoders="dagger", codes=Path("none.nc"), crop=(20, 24))
     with pytest.raises(SettingError, match=r'the class Landweber, expected ".*test_own_inputs.py:Landweber"'):
         own_study(["coffee"], decoders=[Landweber], **how)
 
@@ -110,6 +144,7 @@ def test_a_class_is_taken_where_every_process_knows_it_and_else_told_how():
         (Sensor(full_well=1e4, read_noise_electrons=3, bits=12),
          {"sensor": {"full_well": 1e4, "read_noise_electrons": 3, "bits": 12}}),
         (Sensor(read_noise=0.01, saturates=0.5), {"sensor": {"read_noise": 0.01, "saturates": 0.5}}),
+        ({}, {"sensor": {}}),
         ({"full_well": 1e4, "bits": None}, {"sensor": {"full_well": 1e4, "bits": None}}),
         ({"dim": Sensor(read_noise=0.1), "ideal": {}}, {"dim": {"read_noise": 0.1}, "ideal": {}}),
     ],

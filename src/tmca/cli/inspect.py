@@ -40,9 +40,7 @@ def inspect(
         return
     description = describe(file, variable, **reading.given())
     if "recording" in description["attrs"]:
-        from tmca.lab.live import frames_recorded
-
-        description |= {"kind": "recording", "frames": frames_recorded(file), "note": None}
+        description |= _recording(file, description["attrs"])
     if conditioning:
         from tmca.cameras import Snapshot
         from tmca.design.measures import corner_conditioning
@@ -146,6 +144,13 @@ def _depth(about: dict[str, Any]) -> str:
     share = f" ({unknown / about['pixels']:.1%}: {why})" if unknown else ""
     mapped = f"; metres are those of the mapped scene: {about['mapped']}" if "mapped" in about else ""
     return f"  depth: {spread}; {unknown} of {about['pixels']} pixels unknown{share}{mapped}"
+
+
+def _recording(file: Path, attributes: dict[str, Any]) -> dict[str, Any]:
+    """What there is more to say of what `tmca live` recorded; nothing of other files."""
+    from tmca.lab.live import frames_recorded, is_recording
+
+    return {"kind": "recording", "frames": frames_recorded(file), "note": None} if is_recording(attributes) else {}
 
 
 def _levels(variable: dict[str, Any]) -> str:

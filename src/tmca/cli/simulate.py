@@ -86,16 +86,13 @@ def spectral(
 
 
 def _usual_bands(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str, Any]:
-    """The range that all scenes cover, where it is not from 400 to 700 nm, which is said; and 12 bands, or all where a
-    scene has fewer."""
-    from tmca.data.fitting import usual_span
+    """Bands, and range where it is not from 400 to 700 nm, which is said; see `tmca.data.fitting.usual_bands`."""
+    from tmca.data.fitting import usual_bands
     from tmca.data.headers import wavelengths_of
 
     about = {name: reading[name] for name in ("wavelengths", "variable") if name in reading}
     there = {scene: wavelengths_of(scene, **about) for scene in scenes}
-    span = None if "range" in reading else usual_span(there)
-    bands = 12 if min(map(len, there.values())) >= 12 else None
-    return {"bands": bands, **({} if span is None else {"range": span})}
+    return usual_bands(there, reading.get("range"))
 
 
 @app.command
@@ -320,7 +317,7 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         buckets = f", {taken.camera.buckets} buckets"
     lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}{buckets}"]
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
-    how = " -d admm-tv" if getattr(taken.camera, "blurred", False) else ""
+    how = " -d admm-tv" if getattr(taken.camera, "blurred", False) and "weights" not in about else ""
     how += f" --weights {quote(about['weights'])}" if "weights" in about else ""
     how += f" --calibration {report['calibration']}" if report["calibration"] else ""
     noise = taken.camera.noise.in_words()

@@ -170,6 +170,20 @@ def _repeats(index: NDArray[np.int_]) -> bool:
     return np.unique(index).size < index.size
 
 
+def usual_bands(scenes: Mapping[str, NDArray[np.float64]], asked: Sequence[float] | None = None) -> dict[str, Any]:
+    """How ``bands`` are read where no number is asked for: 12, or all that there are in the range where a scene has
+    fewer; and the ``range`` where none is asked for and it is not from 400 to 700 nm, see ``usual_span``.
+
+    Args:
+        scenes: name → wavelengths of the bands, metres.
+        asked: (first, last) wavelength that bands are taken from, metres.
+    """
+    span = usual_span(scenes) if asked is None else (asked[0], asked[1])
+    low, high = span or VISIBLE
+    there = [np.count_nonzero((metres > low - 1e-12) & (metres < high + 1e-12)) for metres in scenes.values()]
+    return {"bands": max(1, min(12, *there)), **({} if span is None else {"range": span})}
+
+
 def usual_span(scenes: Mapping[str, NDArray[np.float64]]) -> tuple[float, float] | None:
     """Range (metres) that bands are taken from where none is asked for: what all scenes cover, or the part of it from
     400 to 700 nm, which the rendered scenes have, where that is at least half of it; None if all cover 400 to 700 nm.

@@ -137,7 +137,7 @@ class Advice(Summary):
     def _facts(self) -> dict[str, str]:
         own = self.best.design
         codes = f"{own.kind}, K = {own.slots}, {own.camera.buckets} bucket{'s'[: own.camera.buckets != 1]}"
-        return {"advice": code_advice(self), "codes": codes, "expected": f"{self.best.psnr:.1f} dB"}
+        return {"advice": code_advice(self), "codes": codes, "held out": f"{self.best.psnr:.1f} dB"}
 
     def _picture(self) -> Figure:
         return self.best.design.camera._picture()

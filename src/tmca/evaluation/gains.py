@@ -10,7 +10,7 @@ from tmca.evaluation.study import Study
 from tmca.evaluation.tables import MEASURED, Column, Row, columns_there, grouped, mean
 
 WHO: tuple[Column, ...] = (("decoder", "decoder", ""), ("noise", "noise", ""))
-STATIC, BURST = "one slot", "a burst"
+ONE_SLOT, A_BURST = "one slot", "a burst"
 """What time-multiplexed codes are held against."""
 
 
@@ -72,7 +72,7 @@ def margins(found: Row, study: Study) -> list[Row]:
     Bursts are neither. In a study for a paper, those of one bucket and of two apart, and bursts are a base, too."""
     static = [name for name, code in study.codes.items() if code.one_slot]
     bursts = [name for name, code in study.codes.items() if code.burst]
-    bases, rows = {STATIC: static, **({BURST: bursts} if study.figure else {}), **study.bases}, []
+    bases, rows = {ONE_SLOT: static, **({A_BURST: bursts} if study.figure else {}), **study.bases}, []
     groups = grouped(found["rows"], "decoder", "noise").items()
     several = _by_buckets(study, {*static, *bursts})
     for ((decoder, noise), own), (part, scenes) in product(groups, parts_of(found).items()):
@@ -101,13 +101,14 @@ def multiplexing(found: Row, study: Study) -> list[str]:
     if not study.figure:
         return []
     said = []
-    for (decoder, noise, part), rows in grouped(margins(found, study), "decoder", "noise", "part").items():
+    known = [row for row in margins(found, study) if row["gain"] is not None]
+    for (decoder, noise, part), rows in grouped(known, "decoder", "noise", "part").items():
         where = ", ".join([decoder, *([noise] if len(study.noises) > 1 else []), *([part] if part else [])])
-        over = []
+        gained = []
         for (against, base), own in grouped(rows, "against", "base").items():
-            what = "" if BURST[2:] in base else f" ({against})"
-            over.append(f"over {base}{what} {', '.join(_gained(row, study) for row in own)}")
-        said.append(f"Time multiplexing ({where}): {'; '.join(over)}.")
+            what = "" if base == against.removeprefix("a ") else f" ({against})"
+            gained.append(f"over {base}{what} {', '.join(_gained(row, study) for row in own)}")
+        said.append(f"Time multiplexing ({where}): {'; '.join(gained)}.")
     return said
 
 
@@ -138,6 +139,7 @@ def _best_over_best(
 
 
 def multiplexed(found: Row, study: Study) -> Iterator[Section]:
+    """The section of a page about time-multiplexed codes; none where the study has no two rows to compare."""
     columns: list[Column] = [*WHO, ("part", "scenes", ""), ("buckets", "buckets", ""), ("against", "against", "")]
     gains, rows = gain_columns(study), margins(found, study)
     columns += [("best", "best time-multiplexed", ""), ("base", "best of the others", ""), gains[0]]
@@ -146,10 +148,8 @@ def multiplexed(found: Row, study: Study) -> Iterator[Section]:
     text += "the table of predictions says; else, and where it says so, in hindsight."
     if study.figure and not any("hindsight" in row for row in rows):
         text = "For each decoder, the best code of several slots over the best of one slot, with one bucket of a pixel "
-        text += (
-            "and with two. Both are chosen by what was measured on these scenes. A burst multiplexes nothing: it is "
-        )
-        text += "held against them, too."
+        text += "and with two. Both are chosen by what was measured on these scenes. A burst multiplexes nothing: it "
+        text += "is held against them, too."
     if rows:
         said = [*multiplexing(found, study), text]
         yield Section("Time-multiplexed over static codes", said, rows, columns_there(columns, rows))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from warnings import warn
 
-import numpy as np
 from pydantic import ValidationError
 
 from tmca.applications import application_of
@@ -16,7 +15,7 @@ from tmca.cameras import CAMERAS
 from tmca.codes import BURST
 from tmca.codes.files import codes_of_file
 from tmca.data import read_dataset
-from tmca.data.fitting import VISIBLE, usual_span
+from tmca.data.fitting import VISIBLE, usual_bands
 from tmca.data.headers import view_size_of, wavelengths_of
 from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import named_scenes, short_names
@@ -95,7 +94,7 @@ def own_study(
     Warns:
         SensorWarning: codes that need two buckets, of a sensor whose file says one.
     """
-    sources, codes = list(named_scenes(map(str, _several(scenes)))), _several(codes)
+    sources, codes = list(named_scenes(map(str, _several(scenes)))), [*map(str, _several(codes))]
     if not sources:
         raise SettingError("scenes", "none", "files or names of rendered scenes")
     kind = camera or _kind_of(sources)
@@ -128,7 +127,7 @@ def own_study(
 
 def _several(given: Any) -> Sequence[Any]:
     """One or several, as several."""
-    return [given] if isinstance(given, str | Path | type) else list(given)
+    return list(given) if isinstance(given, Iterable) and not isinstance(given, str | Path) else [given]
 
 
 def _text(decoder: Any) -> str:
@@ -140,7 +139,11 @@ def _text(decoder: Any) -> str:
     if isinstance(decoder, str):
         return decoder
     cls = decoder if isinstance(decoder, type) else type(decoder)
-    if decoder is cls and cls.__module__.startswith("tmca.") and registered_decoders().get(cls.name) is cls:
+    if (
+        decoder is cls
+        and cls.__module__.startswith("tmca.")
+        and registered_decoders().get(getattr(cls, "name", "")) is cls
+    ):
         return str(cls.name)
     file = getattr(sys.modules.get(cls.__module__), "__file__", None) or "FILE.py"
     expected = f'"{file}:{cls.__name__}", as every process loads it anew'
@@ -200,22 +203,16 @@ def _reading(
         if value is not None and kind != "spectral":
             raise SettingError(name, str(value), f"none of a {kind} camera", "leave it out")
     if kind == "spectral":
-        return {**_bands(sources, bands, span or more.get("range")), **({} if crop is None else {"size": crop})}
+        waves = {source: wavelengths_of(source) for source in sources}
+        given = {"bands": bands, "size": crop}
+        usual = usual_bands(waves, span or more.get("range"))
+        return usual | {name: value for name, value in given.items() if value is not None}
     if kind == "light-field":
         frame = crop or _least_frame(sources, more)
         return {"frame": frame, "rendered": crop or (128, 160), "crop": tuple(min(96, side) for side in frame)}
     if kind == "spectral-depth":
         return {"side": max(256, min(crop)) if crop else 256, **({} if crop is None else {"crop": crop})}
     return {} if crop is None else {"size": crop}
-
-
-def _bands(sources: Sequence[str], bands: int | None, asked: Any) -> Settings:
-    """Bands of spectral scenes, all that there are in the range up to 12, and the range where it is another."""
-    waves = {source: wavelengths_of(source) for source in sources}
-    span = usual_span(waves) if asked is None else (asked[0], asked[1])
-    low, high = span or VISIBLE
-    there = [np.count_nonzero((metres > low - 1e-12) & (metres < high + 1e-12)) for metres in waves.values()]
-    return {"bands": bands or max(1, min(12, *there)), **({} if span is None else {"range": span})}
 
 
 def _default(kind: str, reading: Mapping[str, Any]) -> str:

@@ -32,7 +32,7 @@ def noises_of(sensor: Any) -> dict[str, Settings]:
     if not isinstance(sensor, Mapping):
         expected = "a tmca.Sensor, its arguments by their names, or a YAML file"
         raise SettingError("sensor", repr(sensor)[:60], expected)
-    several = all(isinstance(one, Sensor | Mapping) for one in sensor.values())
+    several = bool(sensor) and all(isinstance(one, Sensor | Mapping) for one in sensor.values())
     named = sensor if several else {"sensor": sensor}
     return {str(name): _arguments(one) if isinstance(one, Sensor) else dict(one) for name, one in named.items()}
 

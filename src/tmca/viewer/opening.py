@@ -71,9 +71,18 @@ def _from_path(path: str | Path, stack: ExitStack, variable: str | None, role: s
     if variable is None and scene_parts(Path(path)) is not None:
         return in_memory_items(read_spectral_depth(path, negative="keep"), Path(path).name, role)
     contents = stack.enter_context(open_contents(path))
-    if variable is None and "recording" in contents.attrs:
+    if variable is None and _of_live(contents):
         return _recording(contents.path, role)
     return _items(contents, contents.path.name, variable, {"role": role, "check": unchanged(contents.path)})
+
+
+def _of_live(contents: Contents) -> bool:
+    """Whether `tmca live` recorded it."""
+    if "recording" not in contents.attrs:
+        return False
+    from tmca.lab.live import is_recording
+
+    return is_recording(contents.attrs)
 
 
 def _recording(path: Path, role: str) -> list[Item]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from importlib.metadata import entry_points
-from inspect import getsourcefile, unwrap
+from inspect import getsourcefile, isfunction, unwrap
 from pathlib import Path
 from typing import Any
 
@@ -87,7 +87,8 @@ def _foreign(opener: Opener, path: Path) -> Iterator[None]:
             raise DataError(
                 path, f"no {missing} that belongs to it", "both files", nearest_name(Path(missing))
             ) from error
-        source = getsourcefile(unwrap(opener))
+        function = unwrap(opener)
+        source = getsourcefile(function) if isfunction(function) else None
         found = f"{one_line(error)}{line_in(Path(source), error) if source else ''} in {_called(opener)}"
         raise DataError(path, found, "a whole file that its reader can read", "mend one of the two") from error
 

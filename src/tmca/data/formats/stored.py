@@ -198,11 +198,10 @@ def whole_file(path: Path, kind: str = "file", remedy: str = "fetch or write it 
 
 
 def nearest_name(path: Path) -> str:
-    """The remedy for a file that is not there: the one beside it whose name is nearest, if any is near, of those with
-    its suffix and those that can be read."""
-    alike = {path.suffix.lower(), *OPENERS, ".zarr", ""}
+    """The remedy for a file that is not there: the one beside it whose name is nearest, if any is near; no source code
+    for data."""
     try:
-        beside = [one.name for one in path.parent.iterdir() if one.suffix.lower() in alike]
+        beside = [one.name for one in path.parent.iterdir() if one.suffix != ".py" or path.suffix == ".py"]
     except OSError:
         beside = []
     return did_you_mean(path.name, beside, "check the path")

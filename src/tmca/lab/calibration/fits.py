@@ -33,7 +33,7 @@ EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)ms(?:_|$)")
 
 DRAWN = "drawn_map"
 """Note of a registration's frames: where the mask was drawn, (2, 3) from code to sensor pixels."""
-WHOLE = "whole_exposures"
+WHOLE_EXPOSURES = "whole_exposures"
 """Setting of a flat that a bench took: whether the sensor codes its shutter, and has a timing."""
 
 
@@ -159,7 +159,7 @@ def flat(seen: Captured) -> dict[str, Fitted]:
         residuals |= {f"gain_of_bucket_{r + 1}": float(means[r] / means[0]) for r in range(1, seen.buckets)}
     settings: dict[str, Any] = {"white_level": level, "reflectance": reflectance}
     if (whole := whole_exposures(seen.path)) is not None:
-        settings[WHOLE] = whole
+        settings[WHOLE_EXPOSURES] = whole
     return {"flat": Fitted(field, residuals, settings, [given.white])}
 
 

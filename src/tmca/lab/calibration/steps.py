@@ -93,7 +93,7 @@ def not_measured(calibration: Calibration, camera: Camera | None = None, whole: 
     there = {step_of(name).name for name in calibration.parts}
     kinds = [camera.kind] if camera else [kind for kind, lab in LAB_CAMERAS.items() if there <= lab.steps]
     sensor = calibration.about["camera"].get("sensor") or ()
-    coded = whole and calibration.settings("flat").get(fits.WHOLE, True)
+    coded = whole and calibration.settings("flat").get(fits.WHOLE_EXPOSURES, True)
     possible = {"buckets": len(sensor) == 3, "timing": coded and (camera is None or camera.slots > 1)}
     missing = []
     for name, step in STEPS.items():

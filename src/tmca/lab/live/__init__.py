@@ -2,7 +2,7 @@
 
 from tmca.lab.live.exposures import Exposure, Exposures
 from tmca.lab.live.loop import Live, Shown
-from tmca.lab.live.recording import Recording, check_recording, frames_recorded, last_recorded, recorded
+from tmca.lab.live.recording import Recording, check_recording, frames_recorded, is_recording, last_recorded, recorded
 
 __all__ = [
     "Exposure",
@@ -12,6 +12,7 @@ __all__ = [
     "Shown",
     "check_recording",
     "frames_recorded",
+    "is_recording",
     "last_recorded",
     "recorded",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -218,6 +218,11 @@ def recorded(path: str | Path) -> Iterator[Snapshot[Any]]:
         yield _snapshot(path, camera, snapshots, place, row)
 
 
+def is_recording(attributes: Mapping[str, Any]) -> bool:
+    """Whether the attributes of a file are those of a recording."""
+    return bool(attributes.get("recording") == FORMAT)
+
+
 def frames_recorded(path: str | Path) -> int:
     """How many whole frames a recording has; errors as of ``recorded``."""
     path = Path(path)
@@ -234,7 +239,7 @@ def last_recorded(path: str | Path) -> tuple[Snapshot[Any], xr.DataArray | None]
     path = Path(path)
     camera = _camera(path)
     snapshots, log = _frames(path, camera)
-    place, row = max(_whole(path, snapshots, log), key=lambda one: one[0], default=(-1, log))
+    place, row = next(_whole(path, snapshots, log, backwards=True), (-1, log))
     if place < 0:
         raise DataError(path, "no frame", "one or more", "record again")
     estimates = _estimates(path, camera)
@@ -249,9 +254,10 @@ def _camera(path: Path) -> Any:
     return CAMERAS[about.camera].from_variables(dataset, str(path))
 
 
-def _whole(path: Path, snapshots: Any, log: Any) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def _whole(path: Path, snapshots: Any, log: Any, backwards: bool = False) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Place and log of the frames within which the process was not ended."""
-    for place in range(min(snapshots.shape[0], log.shape[0])):
+    places = range(min(snapshots.shape[0], log.shape[0]))
+    for place in reversed(places) if backwards else places:
         with whole_file(path, _WHOLE):
             row = np.asarray(log[place], dtype=np.float64)
         if np.isfinite(row[-1]):
