@@ -6,7 +6,7 @@ import torch
 from tmca.cameras.motion import moving_scene
 from tmca.errors import DataError
 from tmca.priors import GaussianPrior
-from tmca.priors.moving import moving_block, moving_prior, reach_of
+from tmca.priors.moving import moving_block, moving_prior, reach_of, smoother_prior
 
 FRAMES, MOTION = 2, 1.5
 
@@ -64,3 +64,30 @@ def test_blocks_of_more_frames_are_smaller():
     spectral, views = SpectralCamera(12, (64, 64)), LightFieldCamera(5, (64, 64))
     assert [moving_block(spectral, frames) for frames in (1, 4, 8)] == [(12, 28), (6, 28), (3, 28)]
     assert [moving_block(views, frames) for frames in (1, 4)] == [(9, 9), (5, 5)]
+
+
+def test_displacements_that_are_given_are_the_only_ones(still):
+    chosen = [(1.5, -0.75), (0.0, 1.5)]
+    _, h, w = still.block
+    margin = reach_of(MOTION) // 2
+    inside = (..., slice(margin, -margin), slice(margin, -margin))
+    expected = []
+    for displacement in chosen:
+        units = torch.eye(2 * h * w, dtype=torch.float64).unflatten(1, (2, h, w))
+        moves = torch.stack([moving_scene(one, displacement, FRAMES)[inside].flatten() for one in units], -1)
+        expected.append(moves @ still.covariance @ moves.mT)
+    moved = moving_prior(still, FRAMES, MOTION, displacements=chosen)
+    torch.testing.assert_close(moved.covariance, torch.stack(expected).mean(0))
+
+
+def test_a_smoother_prior_is_that_of_blurred_scenes_and_a_tenth_of_the_sharp_ones(still):
+    _, h, w = still.block
+    kernel = torch.tensor([1.0, 2.0, 1.0], dtype=torch.float64) / 4
+    units = torch.eye(2 * h * w, dtype=torch.float64).unflatten(1, (2, h, w))
+    blur = torch.nn.functional.conv2d(units.flatten(0, 1)[:, None], (kernel[:, None] * kernel)[None, None])
+    blur = blur[:, 0].unflatten(0, (-1, 2)).flatten(1).mT  # valid part: (2·(h-2)·(w-2), n)
+    sharp = units[..., 1:-1, 1:-1].flatten(1).mT
+    expected = 0.9 * blur @ still.covariance @ blur.mT + 0.1 * sharp @ still.covariance @ sharp.mT
+    smooth = smoother_prior(still, 2)
+    assert smooth.block == (2, h - 2, w - 2)
+    torch.testing.assert_close(smooth.covariance, expected)

@@ -1,7 +1,7 @@
 """From a snapshot and its codes back to the scene."""
 
 from tmca.arguments import settings_of
-from tmca.decoders import adapted, kriging, moving, network, space_time  # noqa: F401  (importing a decoder registers it)
+from tmca.decoders import adapted, kriging, motions, network, space_time  # noqa: F401  (importing a decoder registers it)
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
 from tmca.decoders.decoder import Decoder, NoRenderedPrior, Prepared, Raw, decode
 from tmca.decoders.dictionary import DictionaryEstimator

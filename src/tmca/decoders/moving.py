@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from tmca.cameras import Camera
 from tmca.cameras.frames import frame_taps
@@ -30,6 +30,8 @@ class SpaceTimeLMMSE(PatchDecoder):
     """
 
     name, label, moving = "space-time-lmmse", "space-time LMMSE", True
+    room: ClassVar[int] = 0
+    """Pixels by which blocks of the prior are larger than those that move."""
     frames: int | None = None
     motion: float = 4.0
 
@@ -47,7 +49,8 @@ class SpaceTimeLMMSE(PatchDecoder):
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
         """That of still scenes: given, a file's, or that of the rendered ones, of blocks that leave room to move."""
         rows, columns = moving_block(camera, self._frames(camera))
-        block = (rows + reach_of(self.motion), columns + reach_of(self.motion))
+        room = reach_of(self.motion) + self.room
+        block = (rows + room, columns + room)
         return find_prior(camera, given, "gaussian", progress, block=block)
 
     def setup(self, camera: Any, prior: Any) -> PatchEstimator:

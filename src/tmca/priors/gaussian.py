@@ -251,6 +251,12 @@ class BlockPosterior:
         factor, expected = self._equations[block]
         return torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(self.solver.dtype)
 
+    def log_evidence(self, block: int, measured: Tensor) -> Tensor:
+        """(N,) log probability density of measurements (N, m) of one block, up to what depends on m alone."""
+        factor, expected = self._equations[block]
+        white = torch.linalg.solve_triangular(factor, (measured - expected).double().mT, upper=False)
+        return -factor.diagonal().log().sum() - white.square().sum(0) / 2
+
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
         """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
         and the variance (n,) of its error."""

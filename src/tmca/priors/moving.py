@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, prod
+from math import ceil, comb, prod
 from typing import Any
 
 import torch
 from torch import Tensor
-from torch.nn.functional import conv2d
 
 from tmca.cameras.motion import places_passed
 from tmca.errors import DataError
 from tmca.priors.gaussian import GaussianPrior
 
 _ENTRIES, _COMPLETE, _FEWEST_COLUMNS, _VIEW_ENTRIES = 8064, 6, 12, 2600
+_DETAIL = 0.1
+"""Share of a prior's covariance that smoother scenes have of it: an edge in one is not smoothed away."""
+_NO_SHARE = 1e-12
+"""Rounding of shares that are none."""
 
 
 def reach_of(motion: float) -> int:
@@ -36,7 +40,11 @@ def moving_block(camera: Any, frames: int) -> tuple[int, int]:
 
 
 def moving_prior(
-    prior: GaussianPrior, frames: int, motion: float, block: tuple[int, int] | None = None
+    prior: GaussianPrior,
+    frames: int,
+    motion: float,
+    block: tuple[int, int] | None = None,
+    displacements: Sequence[tuple[float, float]] | None = None,
 ) -> GaussianPrior:
     """Blocks of the frames of scenes that move as a whole, every displacement up to ``motion`` being as likely.
 
@@ -49,6 +57,7 @@ def moving_prior(
         frames: G of equal length in the exposure.
         motion: largest displacement over the exposure along each axis, pixels.
         block: (rows, columns) at most.
+        displacements: (rows, columns) over the exposure, none beyond ``motion``, that are as likely instead of all.
 
     Returns:
         The prior of blocks (G·L, h - r, w - r), r = ``reach_of(motion)``; channel g·L + l is channel l in frame g.
@@ -60,21 +69,47 @@ def moving_prior(
     if not prior.stationary or min(h, w) <= reach:
         found = f"blocks of {h}×{w} pixels" if prior.stationary else "one that is not the same everywhere"
         raise DataError("prior", found, f"larger ones than {reach}×{reach}, the same everywhere", "learn it again")
-    lags = prior.displaced.flatten(0, 1)[:, None]
-    kernels = _pairs(frames, motion).to(lags).flatten(0, 1)[:, None]
-    moved = conv2d(lags, kernels.flip(-2, -1)).unflatten(0, (channels, channels)).unflatten(2, (frames, frames))
     rows, columns = (min(side - reach, most) for side, most in zip((h, w), block or (h, w), strict=True))
-    away = (slice(h - reach - rows, h - reach + rows - 1), slice(w - reach - columns, w - reach + columns - 1))
-    moments = moved[..., *away].permute(2, 0, 3, 1, 4, 5).flatten(2, 3).flatten(0, 1).contiguous()
+    pairs = _pairs(frames, motion, all_displacements(motion) if displacements is None else displacements)
+    lags = prior.displaced
+    moments = lags.new_zeros(frames, channels, frames, channels, 2 * rows - 1, 2 * columns - 1)
+    for one, other, down, across in (pairs.abs() > _NO_SHARE).nonzero().tolist():
+        top, left = h - rows + reach - down, w - columns + reach - across
+        seen = lags[..., top : top + 2 * rows - 1, left : left + 2 * columns - 1]
+        moments[one, :, other].add_(seen, alpha=float(pairs[one, other, down, across]))
     mean = prior.mean[:, :rows, :columns].repeat(frames, 1, 1)
     lengths = None if prior.wavelengths is None else prior.wavelengths * frames
-    return replace(prior, mean=mean, moments=moments, wavelengths=lengths)
+    return replace(prior, mean=mean, moments=moments.flatten(2, 3).flatten(0, 1), wavelengths=lengths)
 
 
-def _pairs(frames: int, motion: float) -> Tensor:
-    """(G, G, 2r+1, 2r+1), r = ``reach_of(motion)``: how often frames see places that are so far from each other."""
+def smoother_prior(prior: GaussianPrior, reach: int) -> GaussianPrior:
+    """Blocks of scenes with a tenth of the fine detail: nine tenths of the covariance are those of the same scenes
+    blurred by a binomial kernel of ``reach`` + 1 pixels along each axis.
+
+    Args:
+        prior: (L, h, w), the same everywhere.
+        reach: pixels by which the blocks (L, h - reach, w - reach) are smaller, even.
+    """
+    shares = [comb(2 * reach, tap) / 4**reach for tap in range(2 * reach + 1)]
+    lags = prior.displaced
+    for axis in (2, 3):
+        length = lags.shape[axis] - 2 * reach
+        lags = torch.stack([share * lags.narrow(axis, tap, length) for tap, share in enumerate(shares)]).sum(0)
+    rows, columns = (lags.shape[2] + 1) // 2, (lags.shape[3] + 1) // 2
+    sharp = prior.displaced[..., reach : reach + lags.shape[2], reach : reach + lags.shape[3]]
+    moments = (1 - _DETAIL) * lags + _DETAIL * sharp
+    return replace(prior, mean=prior.mean[:, :rows, :columns], moments=moments)
+
+
+def all_displacements(motion: float) -> list[tuple[float, float]]:
+    """(rows, columns) up to ``motion`` along each axis, a pixel or less apart."""
     steps = torch.linspace(-motion, motion, 2 * ceil(motion) + 1).tolist() if motion else [0.0]
-    seen = torch.stack([_seen(frames, (down, across), motion) for down in steps for across in steps])
+    return [(down, across) for down in steps for across in steps]
+
+
+def _pairs(frames: int, motion: float, displacements: Sequence[tuple[float, float]]) -> Tensor:
+    """(G, G, 2r+1, 2r+1), r = ``reach_of(motion)``: how often frames see places that are so far from each other."""
+    seen = torch.stack([_seen(frames, displacement, motion) for displacement in displacements])
     side = 2 * seen.shape[-1] - 1
     spectra = torch.fft.rfft2(seen, s=(side, side))
     together = torch.einsum("ngyx,nfyx->gfyx", spectra.conj(), spectra) / len(seen)

@@ -1,0 +1,103 @@
+"""Scenes of which parts move and parts rest, under a mixture of motions."""
+
+import pytest
+import torch
+
+from tests.decoders.test_moving import MOVED, error_db, smoother_scene, taken
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_object, moving_scenes
+from tmca.cameras.frames import frame_taps
+from tmca.decoders import decode
+from tmca.decoders.motion_evidence import REST, Evidence, Motion, MotionPriors
+from tmca.errors import SettingError
+from tmca.priors import GaussianPrior
+from tmca.sensor import Sensor
+
+
+@pytest.fixture(scope="module")
+def prior():
+    return GaussianPrior.learn([smoother_scene(48, 52, seed=seed) for seed in range(4)], (14, 18))
+
+
+def estimates(snapshot, prior, **settings):
+    names = ("lmmse", "space-time-lmmse", "space-time-mixture")
+    return [decode(snapshot, name, prior=prior, **(settings if name != "lmmse" else {})).values for name in names]
+
+
+def test_the_parts_of_a_square_of_displacements_fill_it():
+    parts = Motion((1.0, -2.0), 3.0).parts()
+    assert {part.side for part in parts} == {1.0}
+    assert sorted(part.centre for part in parts) == [(y, x) for y in (0.0, 1.0, 2.0) for x in (-3.0, -2.0, -1.0)]
+    assert Motion((1.0, -2.0), 1.0).displacements() == [(y, x) for y in (0.75, 1.25) for x in (-2.25, -1.75)]
+    assert REST.displacements() == [(0.0, 0.0)]
+
+
+@pytest.mark.parametrize(("shutter", "buckets"), [("balanced", 2), ("burst", 4)])
+def test_a_scene_that_moves_as_a_whole_is_recovered_better_than_without_knowing_how(prior, shutter, buckets):
+    snapshot, truth = taken(shutter, buckets, read_noise=0.001)
+    _, every, mixed = estimates(snapshot, prior)
+    assert error_db(mixed[0], truth) < error_db(every[0], truth) - 1
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.03])
+def test_a_scene_at_rest_loses_next_to_nothing(prior, noise):
+    snapshot, truth = taken("balanced", 2, (0.0, 0.0), read_noise=noise)
+    still, every, mixed = estimates(snapshot, prior)
+    assert error_db(mixed[0], truth) < error_db(still[0], truth) + 0.3
+    assert error_db(mixed[0], truth) < error_db(every[0], truth)
+
+
+def test_an_object_before_a_scene_at_rest(prior):
+    scene = smoother_scene(48, 52, seed=9).float()
+    camera = SpectralCamera(3, (48, 52), 4, shutter="balanced", buckets=2, sensor=Sensor(read_noise=0.001))
+    truth = moving_object(scene, MOVED, 4)
+    snapshot = Snapshot(camera(truth[None], generator=0), camera)
+    still, every, mixed = estimates(snapshot, prior)
+    assert error_db(mixed[0], truth) < min(error_db(every[0], truth), error_db(still[0], truth)) - 1
+
+
+def test_the_evidence_is_highest_for_the_motion_that_there_was(prior):
+    snapshot, _ = taken("balanced", 2, read_noise=0.001)
+    camera = snapshot.camera
+    priors = MotionPriors(prior, 4, 4.0, (8, 10), frame_taps(camera, 4), camera.noise)
+    evidence = Evidence(priors, snapshot.values)
+    everywhere = torch.ones(len(evidence.places), dtype=torch.bool)
+
+    def total(*centre):
+        return float(evidence.of(priors.solver(0, Motion(centre, 0.5)), everywhere).sum())
+
+    others = [(0.0, 0.0), (-3.0, 2.0), (3.0, 2.0), (1.5, -1.0), (3.0, -3.5)]
+    assert total(*MOVED) > max(total(*other) for other in others)
+
+
+def test_motion_of_nothing_is_the_still_estimate(prior):
+    snapshot, _ = taken("balanced", 2, (0.0, 0.0), read_noise=0.01)
+    narrow = GaussianPrior.learn([smoother_scene(48, 52, seed=seed) for seed in range(4)], (8, 12))  # no smoother kind
+    frames = decode(snapshot, "space-time-mixture", prior=narrow, frames=2, motion=0.0).values
+    still = decode(snapshot, "lmmse", prior=narrow).values
+    torch.testing.assert_close(frames, still[:, None].expand_as(frames))
+
+
+def test_the_predicted_deviation_is_that_of_the_errors(prior):
+    for moved in (MOVED, (0.0, 0.0)):
+        snapshot, truth = taken("balanced", 2, moved, read_noise=0.01)
+        estimate = decode(snapshot, "space-time-mixture", prior=prior, uncertainty=True)
+        assert estimate.deviation.shape == estimate.values.shape
+        ratio = (estimate.values[0] - truth).square().mean() / estimate.deviation[0].square().mean()
+        assert 0.4 < float(ratio.sqrt()) < 1.3
+
+
+def test_a_light_field_that_moves():
+    scenes = [smoother_scene(40, 40, 9, seed).unflatten(0, (3, 3)).float() for seed in range(3)]
+    prior = GaussianPrior.learn([one.flatten(0, 1) for one in scenes], (9, 9), views=(3, 3))
+    camera = LightFieldCamera(3, (40, 40), 2, shutter="burst", buckets=2, sensor=Sensor(read_noise=0.001))
+    moved = moving_scenes(scenes[0][None], MOVED, 2)
+    snapshot = Snapshot(camera(moved, generator=0), camera)
+    _, every, mixed = estimates(snapshot, prior)
+    assert mixed.shape == moved.shape
+    assert error_db(mixed, moved) < error_db(every, moved)
+
+
+def test_a_probability_of_rest_beyond_one_is_refused(prior):
+    snapshot, _ = taken("balanced", 2, read_noise=0.01)
+    with pytest.raises(SettingError, match="rest: found 2, expected 0 to 1"):
+        decode(snapshot, "space-time-mixture", prior=prior, rest=2)
