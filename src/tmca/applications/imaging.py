@@ -150,8 +150,10 @@ class Evaluation:
     metrics: dict[str, float]
 
     def figure(self, name: str) -> Figure:
-        """Both in one picture; ``name`` stands above the estimate."""
-        return self.application.figure(self.estimate.assign_attrs(decoder=name), self.camera, self.truth)
+        """Both in one picture, of several frames their mean; ``name`` stands above the estimate."""
+        frames = FRAMES in self.estimate.dims
+        shown = self.estimate.mean(FRAMES, keep_attrs=True) if frames else self.estimate
+        return self.application.figure(shown.assign_attrs(decoder=name), self.camera, self.truth)
 
 
 def evaluate(
@@ -209,7 +211,7 @@ def evaluation_of(
         found, remedy = f"{stored.sizes['snapshot']} snapshots", "take estimate.to_xarray().isel(snapshot=0), …"
         raise ShapeError(where, found, "one", remedy)
     if isinstance(truth, str | Path):
-        colours = len(parts["values"]) > 1
+        colours = "colour" in _estimated(stored).dims
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
         compare_scene(stored.attrs, str(truth))
     else:

@@ -16,6 +16,8 @@ from tmca.errors import DataError, check_range
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tmca.data.formats.stored import Contents
+
 MOTION = "motion_pixels"
 """Note of a snapshot: rows and columns by which its scene moved within the exposure."""
 FRAMES = "slot"
@@ -46,6 +48,20 @@ def frame_pairs(
     own = estimate.sizes.get(FRAMES)
     for number, true in enumerate(frames_of(truth, displacement, frames, whole=whole)):
         yield estimate if own is None else estimate.isel({FRAMES: number * own // frames}), true
+
+
+def in_frames(contents: Contents) -> bool:
+    """Whether an open file has an estimate in frames."""
+    estimate = contents.arrays.get("estimate")
+    return estimate is not None and FRAMES in estimate.dims
+
+
+def check_axes(stored: xr.Dataset, path: str, *axes: str) -> None:
+    """Raises DataError for an estimate in frames that runs over others than these axes in each of them."""
+    there = stored["estimate"].dims
+    if {*there} != {FRAMES, *axes}:
+        found = f"an estimate by {', '.join(map(str, there))}"
+        raise DataError(path, found, f"one by {', '.join((FRAMES, *axes))}", "write it again")
 
 
 def moved_by(notes: Mapping[str, Any], where: str = "notes") -> tuple[float, float]:
