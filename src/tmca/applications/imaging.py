@@ -27,6 +27,7 @@ from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.metrics import coverage_1s
+from tmca.plots.estimates import mean_frame
 from tmca.progress import Asked, reporting
 from tmca.sensor import Sensor
 
@@ -151,9 +152,8 @@ class Evaluation:
 
     def figure(self, name: str) -> Figure:
         """Both in one picture, of several frames their mean; ``name`` stands above the estimate."""
-        frames = FRAMES in self.estimate.dims
-        shown = self.estimate.mean(FRAMES, keep_attrs=True) if frames else self.estimate
-        return self.application.figure(shown.assign_attrs(decoder=name), self.camera, self.truth)
+        shown = mean_frame(self.estimate.assign_attrs(decoder=name))
+        return self.application.figure(shown, self.camera, self.truth)
 
 
 def evaluate(
