@@ -10,6 +10,7 @@ from tests.small_scenes import smooth_scene
 from tmca.applications.imaging import evaluation_of
 from tmca.applications.moving import frames_of, moved_by
 from tmca.applications.pictures import estimate_files, estimate_pictures
+from tmca.applications.refocusing import light_field_of
 from tmca.cameras import moving_object, moving_scene
 from tmca.data.cubes import label
 from tmca.errors import DataError, SettingError
@@ -112,8 +113,11 @@ def test_a_file_of_a_light_field_in_frames_is_evaluated_frame_by_frame(light_fie
     with pytest.raises(SettingError, match="frames: found 3, expected 2"):
         tmca.evaluate(stored, truth, frames=3)
     assert evaluation_of(stored, truth).figure("e").axes
-    with pytest.raises(DataError, match="a light field in 2 frames"):
+    with pytest.raises(DataError, match="no light field"):
         tmca.read(stored, "light-field", views=3)
+    for use in (tmca.view, light_field_of):
+        with pytest.raises(DataError, match="an estimate in frames, expected one frame"):
+            use(str(stored))
 
 
 @pytest.mark.parametrize("colours", [1, 3])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -54,6 +55,13 @@ def in_frames(contents: Contents) -> bool:
     """Whether an open file has an estimate in frames."""
     estimate = contents.arrays.get("estimate")
     return estimate is not None and FRAMES in estimate.dims
+
+
+def refuse_frames(path: str | Path, dims: Sequence[str]) -> None:
+    """Raises DataError where the estimate of a file is one in frames, by its axes, and a still one is wanted."""
+    if FRAMES in dims:
+        remedy = f"keep one of them: xarray.open_dataset(…).isel({FRAMES}=0).to_netcdf(…)"
+        raise DataError(path, "an estimate in frames", "one frame", remedy)
 
 
 def check_axes(stored: xr.Dataset, path: str, *axes: str) -> None:

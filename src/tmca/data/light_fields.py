@@ -111,15 +111,12 @@ def find_light_field(contents: Contents, variable: str | None = None) -> Stored 
     Raises:
         DataError: several run over views and none is named.
     """
-    over = [s for s in _over_views(contents) if IN_FRAMES not in s.dims]
+    over = [s for s in contents.arrays.values() if set(VIEW_DIMS) <= set(s.dims) and s.numeric and s.size]
+    over = [s for s in over if IN_FRAMES not in s.dims]
     if variable is not None:
         return next((s for s in over if s.name == variable), None)
     named = [s for s in over if s.name in NAMES]
     return contents.only(named[:1] or over, "light field") if over else None
-
-
-def _over_views(contents: Contents) -> list[Stored]:
-    return [s for s in contents.arrays.values() if set(VIEW_DIMS) <= set(s.dims) and s.numeric and s.size]
 
 
 def has_colour(stored: Stored) -> bool:
@@ -250,10 +247,6 @@ def _coloured(pixels: NDArray[np.float32], colour: bool, stored: Stored) -> NDAr
 
 def no_light_field(contents: Contents, variable: str | None = None) -> DataError:
     """The error for a file or folder without one."""
-    if moving := [s for s in _over_views(contents) if IN_FRAMES in s.dims]:
-        frames = moving[0].shape[moving[0].dims.index(IN_FRAMES)]
-        remedy = "keep a frame of it: xarray.open_dataset(…).isel(slot=0).to_netcdf(…)"
-        return DataError(contents.path, f"a light field in {frames} frames", "one light field", remedy)
     found = f"no light field{'' if variable is None else f' {variable!r}'} ({contents.format}: {contents.listing()})"
     expected = "pictures named by row and column, a lenslet picture, or a file with view_v and view_u"
     return DataError(contents.path, found, expected, "give the names' pattern= (--pattern) for a folder of views")
