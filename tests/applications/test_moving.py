@@ -7,8 +7,10 @@ from PIL import Image
 
 import tmca
 from tests.small_scenes import smooth_scene
+from tmca.applications.imaging import evaluation_of
 from tmca.applications.moving import frames_of, moved_by
 from tmca.applications.pictures import estimate_files, estimate_pictures
+from tmca.applications.refocusing import light_field_of
 from tmca.cameras import moving_object, moving_scene
 from tmca.data.cubes import label
 from tmca.errors import DataError, SettingError
@@ -76,13 +78,61 @@ def test_an_estimate_in_frames_is_drawn_beside_the_truth_and_animated(scene, sna
     assert Image.open(tmp_path / "e_frames.gif").n_frames == 6  # to and fro
 
 
-def test_a_light_field_in_frames_is_drawn(tmp_path):
-    views = smooth_scene(24, 26, 9, 1).unflatten(0, (3, 3)).float().clamp(0, 1).numpy()
-    camera = tmca.LightFieldCamera(views=3, slots=2, shutter="burst", buckets=2)
-    snapshot = tmca.simulate(views, camera, motion=(1.0, 1.0))
+@pytest.fixture(scope="module")
+def views():
+    return smooth_scene(24, 26, 9, 1).unflatten(0, (3, 3)).float().clamp(0, 1).numpy()
+
+
+def moved_views(views, slots=2):
+    camera = tmca.LightFieldCamera(views=3, slots=slots, shutter="burst", buckets=2)
+    return tmca.simulate(views, camera, motion=(1.0, 1.0))
+
+
+@pytest.fixture(scope="module")
+def light_field(views):
+    """An estimate in frames, and the truth."""
+    snapshot = moved_views(views)
     prior = GaussianPrior.learn([smooth_scene(30, 30, 9)], (7, 7), views=(3, 3))
     estimate = tmca.reconstruct(snapshot, "space-time-lmmse", prior=prior, motion=2.0)
-    truth = snapshot.camera.label(torch.from_numpy(views)[None])
+    return estimate, snapshot.camera.label(torch.from_numpy(views)[None])
+
+
+def test_a_light_field_in_frames_is_drawn(light_field, tmp_path):
+    estimate, truth = light_field
     files = estimate_pictures(estimate, tmp_path / "e.nc", truth=truth)
     assert all(file.stat().st_size > 1000 for file in files)
     assert tmca.evaluate(estimate, truth)["psnr"] > 20
+    titles = [axis.get_title() for axis in estimate.plot(truth).axes]
+    assert "space-time-lmmse, mean of 2 frames" in titles
+
+
+def test_a_file_of_a_light_field_in_frames_is_evaluated_frame_by_frame(light_field, tmp_path):
+    estimate, truth = light_field
+    stored = estimate.save(tmp_path / "e.nc")
+    assert tmca.evaluate(stored, truth) == pytest.approx(tmca.evaluate(estimate, truth))
+    with pytest.raises(SettingError, match="frames: found 3, expected 2"):
+        tmca.evaluate(stored, truth, frames=3)
+    assert evaluation_of(stored, truth).figure("e").axes
+    with pytest.raises(DataError, match="no light field"):
+        tmca.read(stored, "light-field", views=3)
+    for use in (tmca.view, light_field_of):
+        with pytest.raises(DataError, match="an estimate in frames, expected one frame"):
+            use(str(stored))
+
+
+@pytest.mark.parametrize("colours", [1, 3])
+def test_a_file_of_a_still_light_field_knows_how_its_scene_moved(views, colours, tmp_path):
+    coloured = np.stack([views, views / 2, views / 3])[:colours].squeeze()
+    estimate = tmca.reconstruct(moved_views(coloured), "dagger")
+    stored = estimate.save(tmp_path / "e.nc")
+    assert tmca.evaluate(stored, coloured, frames=2) == pytest.approx(tmca.evaluate(estimate, coloured, frames=2))
+    assert tmca.evaluate(stored, coloured, frames=2)["psnr"] != pytest.approx(tmca.evaluate(stored, coloured)["psnr"])
+
+
+def test_colours_in_frames_are_evaluated_from_their_file(views, tmp_path):
+    snapshot = moved_views(np.stack([views, views / 2, views / 3]))
+    prior = GaussianPrior.learn([smooth_scene(30, 30, 9)], (5, 5), views=(3, 3))
+    estimate = tmca.reconstruct(snapshot, "space-time-lmmse", prior=prior, motion=2.0, frames=1)
+    truth = snapshot.camera.label(torch.from_numpy(np.stack([views, views / 2, views / 3])))
+    stored = estimate.save(tmp_path / "e.nc")
+    assert tmca.evaluate(stored, truth) == pytest.approx(tmca.evaluate(estimate, truth))

@@ -68,9 +68,18 @@ def test_faults_come_from_a_file_too(tmp_path):
     assert torch.equal(one.values, other.values)
 
 
-def test_a_scene_that_moves_is_a_fault_as_well():
-    one, other = taken("spectral", "a.nc", "--hardware", "motion=2:1"), taken("spectral", "b.nc", "--motion", "2,1")
+@pytest.mark.parametrize("camera", ["spectral", "light-field"])
+def test_a_scene_that_moves_is_a_fault_as_well(camera):
+    one, other = taken(camera, "a.nc", "--hardware", "motion=2:1"), taken(camera, "b.nc", "--motion", "2,1")
     assert torch.equal(one.values, other.values)
+    assert list(other.notes["motion_pixels"]) == [2.0, 1.0]
+
+
+@pytest.mark.parametrize("camera", ["spectral", "light-field"])
+def test_every_slot_may_see_a_scene_of_its_own(camera):
+    alone, alike = taken(camera, "a.nc"), taken(camera, "b.nc", "coffee")
+    torch.testing.assert_close(alike.values, alone.values)
+    assert not torch.allclose(taken(camera, "c.nc", "chelsea").values, alone.values)
 
 
 def test_a_sweep_decodes_what_a_faulty_bench_took_with_the_camera_that_is_known(capsys):

@@ -27,6 +27,7 @@ from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.metrics import coverage_1s
+from tmca.plots.estimates import mean_frame
 from tmca.progress import Asked, reporting
 from tmca.sensor import Sensor
 
@@ -150,8 +151,9 @@ class Evaluation:
     metrics: dict[str, float]
 
     def figure(self, name: str) -> Figure:
-        """Both in one picture; ``name`` stands above the estimate."""
-        return self.application.figure(self.estimate.assign_attrs(decoder=name), self.camera, self.truth)
+        """Both in one picture, of several frames their mean; ``name`` stands above the estimate."""
+        shown = mean_frame(self.estimate.assign_attrs(decoder=name))
+        return self.application.figure(shown, self.camera, self.truth)
 
 
 def evaluate(
@@ -209,7 +211,7 @@ def evaluation_of(
         found, remedy = f"{stored.sizes['snapshot']} snapshots", "take estimate.to_xarray().isel(snapshot=0), …"
         raise ShapeError(where, found, "one", remedy)
     if isinstance(truth, str | Path):
-        colours = len(parts["values"]) > 1
+        colours = "colour" in _estimated(stored).dims
         scene = application.truth(str(truth), camera, stored.attrs, colours, **reading)
         compare_scene(stored.attrs, str(truth))
     else:

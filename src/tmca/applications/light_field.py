@@ -14,6 +14,7 @@ from torch import Tensor
 from tmca.applications.base import Application, has_deviation, noted_reading
 from tmca.applications.camera_figures import rays_figure
 from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.moving import MOTION, check_axes, in_frames
 from tmca.applications.spectral import METRICS
 from tmca.cameras import LightFieldCamera
 from tmca.data import label_light_field, light_fields
@@ -160,8 +161,10 @@ class LightFieldApplication(Application):
         return bool(about["kind"] == "light field")
 
     def stored(self, path: str, **reading: Any) -> xr.Dataset:
-        """See ``Application``: all views in their colours, and as an attribute how its scene was read."""
+        """See ``Application``: all views in their colours, and as attributes how its scene was read and moved."""
         with light_fields.open_light_field(path) as contents:
+            if in_frames(contents):
+                return _with_views(super().stored(path), path)
             stored = light_fields.find_light_field(contents)
             if stored is None:
                 raise light_fields.no_light_field(contents)
@@ -171,7 +174,7 @@ class LightFieldApplication(Application):
             if has_deviation(contents):
                 spread = contents.arrays["deviation"]
                 dataset["deviation"] = light_fields.load_views(contents, spread, colour=colour, divide_by=1.0)
-            noted = {READING: contents.attrs[READING]} if READING in contents.attrs else {}
+            noted = {name: contents.attrs[name] for name in (READING, MOTION) if name in contents.attrs}
         return dataset.assign_attrs(noted)
 
     def camera_of(self, stored: xr.Dataset, where: str) -> Any:
@@ -215,6 +218,13 @@ class LightFieldApplication(Application):
         above = f"{title}: refocused, disparity in px per view"
         strip = refocus_strip(views.values, focus_steps(views, known), above)
         return {**drawn, "_refocus.png": strip, ".gif": views.values}
+
+
+def _with_views(stored: xr.Dataset, path: str) -> xr.Dataset:
+    """An estimate in frames; DataError unless every frame is a light field."""
+    colour = ("colour",) if "colour" in stored["estimate"].dims else ()
+    check_axes(stored, path, *colour, *VIEW_DIMS)
+    return stored
 
 
 AGREEMENT = "disparity_agreement"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from tmca.errors import DataError, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tmca.data.formats.stored import Contents
 
 MOTION = "motion_pixels"
 """Note of a snapshot: rows and columns by which its scene moved within the exposure."""
@@ -46,6 +49,27 @@ def frame_pairs(
     own = estimate.sizes.get(FRAMES)
     for number, true in enumerate(frames_of(truth, displacement, frames, whole=whole)):
         yield estimate if own is None else estimate.isel({FRAMES: number * own // frames}), true
+
+
+def in_frames(contents: Contents) -> bool:
+    """Whether an open file has an estimate in frames."""
+    estimate = contents.arrays.get("estimate")
+    return estimate is not None and FRAMES in estimate.dims
+
+
+def refuse_frames(path: str | Path, dims: Sequence[str]) -> None:
+    """Raises DataError where the estimate of a file is one in frames, by its axes, and a still one is wanted."""
+    if FRAMES in dims:
+        remedy = f"keep one of them: xarray.open_dataset(…).isel({FRAMES}=0).to_netcdf(…)"
+        raise DataError(path, "an estimate in frames", "one frame", remedy)
+
+
+def check_axes(stored: xr.Dataset, path: str, *axes: str) -> None:
+    """Raises DataError for an estimate in frames that runs over others than these axes in each of them."""
+    there = stored["estimate"].dims
+    if {*there} != {FRAMES, *axes}:
+        found = f"an estimate by {', '.join(map(str, there))}"
+        raise DataError(path, found, f"one by {', '.join((FRAMES, *axes))}", "write it again")
 
 
 def moved_by(notes: Mapping[str, Any], where: str = "notes") -> tuple[float, float]:

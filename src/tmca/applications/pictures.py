@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tmca.applications.base import application_of
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.moving import FRAMES, frames_of, moved_by
+from tmca.plots.estimates import mean_frame
 from tmca.plots.movies import movie_figure, movie_views
 from tmca.plots.style import save_figure
 from tmca.plots.views import views_gif
@@ -68,7 +69,7 @@ def estimate_pictures(
     application, movie = application_of(estimate.camera), dict[str, Any]()
     stored = estimate.to_xarray().assign(estimate.maps)
     if FRAMES in stored.dims:
-        movie, stored = _movie(stored, truth), stored.mean(FRAMES, keep_attrs=True)
+        movie, stored = _movie(stored, truth), mean_frame(stored)
     drawn = {**application.figures(stored, estimate.camera, truth, snapshot, target.stem), **movie}
     files = _files(target, drawn)
     return [save_picture(one, file, overwrite=overwrite) for one, file in zip(drawn.values(), files, strict=True)]

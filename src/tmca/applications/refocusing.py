@@ -10,6 +10,7 @@ from warnings import warn
 import numpy as np
 
 from tmca.applications.base import application_of
+from tmca.applications.moving import refuse_frames
 from tmca.data import describe, load_light_field
 from tmca.data.in_memory import SceneWarning
 from tmca.data.light_fields import VIEW_DIMS, find_light_field, load_views, open_light_field, read_light_field
@@ -142,6 +143,7 @@ def _read(source: str | Path, reading: dict[str, Any]) -> xr.DataArray:
     about = describe(source, **{name: reading[name] for name in ("pattern", "lens") if name in reading})
     if about["kind"] != "light field":
         taken = "snapshot" in about.get("variables", ())
+        refuse_frames(source, about["variables"].get("estimate", {}).get("dims", ()))
         found, remedy = f"no light field ({about['kind']})", "give the folder of the views; tmca inspect says more"
         if taken:
             found, remedy = "a snapshot", f"run tmca reconstruct {source} first"

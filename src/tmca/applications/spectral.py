@@ -11,7 +11,7 @@ from torch import Tensor
 from tmca.applications.base import Application, has_deviation
 from tmca.applications.camera_figures import snapshot_figure
 from tmca.applications.demo import Demo, Taken, Trial
-from tmca.applications.moving import FRAMES, MOTION
+from tmca.applications.moving import MOTION, check_axes, in_frames
 from tmca.cameras import SpectralCamera
 from tmca.data import Negative, read, rendered_scene, select_bands
 from tmca.data.cubes import label
@@ -150,9 +150,8 @@ class SpectralApplication(Application):
         """See ``Application``; any cube is one. Given wavelengths are those of a file without its own."""
         with open_contents(path) as contents:
             noted = {name: contents.attrs[name] for name in ("scene", "real_capture", MOTION) if name in contents.attrs}
-            in_frames = "estimate" in contents.arrays and FRAMES in contents.arrays["estimate"].dims
-            spread = has_deviation(contents)
-        if in_frames:
+            moving, spread = in_frames(contents), has_deviation(contents)
+        if moving:
             return _with_wavelengths(super().stored(path), path)
         negative: Negative = "clip" if reading.get("negative") == "clip" else "keep"
         try:
@@ -174,8 +173,7 @@ class SpectralApplication(Application):
 
 def _with_wavelengths(stored: xr.Dataset, path: str) -> xr.Dataset:
     """An estimate in frames; DataError unless every frame is a cube with its wavelengths."""
-    axes = stored["estimate"].dims
-    if {*axes} != {FRAMES, "wavelength", "y", "x"} or "wavelength" not in stored.coords:
-        found = f"an estimate by {', '.join(map(str, axes))}"
-        raise DataError(path, found, f"one by {FRAMES}, wavelength (in metres), y and x", "write it again")
+    check_axes(stored, path, "wavelength", "y", "x")
+    if "wavelength" not in stored.coords:
+        raise DataError(path, "an estimate without wavelengths", "those of its bands, in metres", "write it again")
     return stored

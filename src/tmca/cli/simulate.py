@@ -70,14 +70,12 @@ def spectral(
         all_bands: keep every band of the file instead.
         motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
     """
-    if not scenes:
-        raise SettingError("simulate spectral", "no scene", "a cube file or a rendered scene such as coffee")
+    _check_named("spectral", scenes)
     how = {"size": size(crop, "--crop"), **reading.given()}
     how |= {"bands": None if all_bands else bands} if all_bands or bands is not None else {}
     if not (all_bands or {"bands", "range"} <= {*how}):
         how = _usual_bands(scenes, how) | how
-    moved = pair(motion, "--motion")
-    choice = CameraChoice(camera, _sensor(sensor_file, sensor))
+    choice, moved = CameraChoice(camera, _sensor(sensor_file, sensor)), pair(motion, "--motion")
     taken = _taken(choice, how, scenes, calibration, hardware, output, assumed, motion=moved)
     count, there = taken[0].camera.bands, taken[0].notes.get("source_bands")
     said = f"{count} of {there} bands (--all-bands for all)" if there else f"{count} bands"
@@ -97,10 +95,9 @@ def _usual_bands(scenes: Sequence[str], reading: Mapping[str, Any]) -> dict[str,
 
 @app.command
 def light_field(
-    scene: str,
-    /,
-    *,
+    *scenes: str,
     crop: str | None = None,
+    motion: str | None = None,
     calibration: Calibration = None,
     reading: Annotated[LightFieldReading, READING] = _VIEWS,
     camera: Annotated[LightFieldSpec, CAMERA] = _LIGHT_FIELD,
@@ -110,16 +107,18 @@ def light_field(
     hardware: Faults = None,
     output: OutputOptions = _OUTPUT,
 ) -> None:
-    """Take a snapshot of SCENE with the light-field camera: a coded mask in front of the sensor.
+    """Take a snapshot of SCENES with the light-field camera: one scene, or one for each slot of the exposure.
 
-    The file that is written holds the snapshot and everything needed to reconstruct it: codes, shear, vignetting,
-    exposure and noise.
+    A coded mask stands in front of the sensor. The file that is written holds the snapshot and everything needed to
+    reconstruct it: codes, shear, vignetting, exposure and noise.
 
     Args:
-        scene: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
+        scenes: a folder of views, a lenslet picture, a labelled file, or a rendered scene such as coffee, or coffee:3.
         crop: HEIGHTxWIDTH, the middle of the scene; the size of a rendered one.
+        motion: ROWS,COLUMNS by which the scene moves within the exposure, pixels.
     """
-    choice = CameraChoice(camera, _sensor(sensor_file, sensor), bench)
+    _check_named("light-field", scenes)
+    choice, moved = CameraChoice(camera, _sensor(sensor_file, sensor), bench), pair(motion, "--motion")
     how = {**reading.model_dump(), "size": size(crop, "--crop")}
     left_out: list[str] = []
 
@@ -128,7 +127,7 @@ def light_field(
         if not reading.colour and light_field.attrs.get("source_colours") == 3:
             left_out.append(" in grey (--colour keeps the scene's colours)")
 
-    taken = _taken(choice, how, (scene,), calibration, hardware, output, said)
+    taken = _taken(choice, how, scenes, calibration, hardware, output, said, motion=moved)
     views = list(taken[0].camera.views)
     about = {"views": views, **_learned(choice)}
     _write(*taken, output, about, f"{views[0]}×{views[1]} views{''.join(left_out)}")
@@ -205,8 +204,7 @@ def any_camera(
         whole.help_print(["simulate"])
         return
     application, middle = application_of(kind), size(crop, "--crop")
-    if not scenes:
-        raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
+    _check_named(kind, scenes)
     described = Sensor(**_sensor(sensor_file, sensor).model_dump())
     how: dict[str, Any] = {**application.settings_of(one_value(set_)), "sensor": described}
     read: list[Any] = [application.read(name) for name in scenes]
@@ -214,6 +212,12 @@ def any_camera(
     camera = CAMERAS[kind](**application.parts(read[0]), **how)
     taken, target = _shot(camera, read, scenes[0], output, Hardware.read(hardware), seed=seed)
     _write(taken, target, output, {"camera": kind}, f"{kind} camera")
+
+
+def _check_named(kind: str, scenes: Sequence[str]) -> None:
+    """Raises SettingError where no scene is named."""
+    if not scenes:
+        raise SettingError(f"simulate {kind}", "no scene", "a file or a rendered scene such as coffee")
 
 
 def _sensor(file: Path | None, options: SensorSpec) -> SensorSpec:
@@ -225,7 +229,7 @@ def _sensor(file: Path | None, options: SensorSpec) -> SensorSpec:
 def _taken(
     choice: CameraChoice,
     reading: dict[str, Any],
-    names: tuple[str, ...],
+    names: Sequence[str],
     calibration: Path | None,
     hardware: str | None,
     output: OutputOptions,

@@ -35,6 +35,8 @@ LUMINANCE = (0.2126, 0.7152, 0.0722)
 """Weights of ITU-R BT.709."""
 NAMES = ("light_field", "estimate")
 """Under which tmca's own files keep a light field, beside others that also run over views."""
+IN_FRAMES = "slot"
+"""Axis of an estimate of several light fields, one after the other."""
 
 
 def read_light_field(
@@ -110,6 +112,7 @@ def find_light_field(contents: Contents, variable: str | None = None) -> Stored 
         DataError: several run over views and none is named.
     """
     over = [s for s in contents.arrays.values() if set(VIEW_DIMS) <= set(s.dims) and s.numeric and s.size]
+    over = [s for s in over if IN_FRAMES not in s.dims]
     if variable is not None:
         return next((s for s in over if s.name == variable), None)
     named = [s for s in over if s.name in NAMES]

@@ -48,7 +48,7 @@ def estimate_figure(
         DataError: a truth of another kind, or a smaller one.
         SettingError: pixels outside the estimate, or of one that has no spectra.
     """
-    first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
+    first = mean_frame(estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate)
     whole: Any = _read(str(truth), first, limits) if isinstance(truth, str | Path) else truth
     if limits is not None:
         return _with_depth(first, whole, limits, at)
@@ -64,14 +64,23 @@ def estimate_figure(
     return (_views if "view_v" in axes else _other)(first, scene)
 
 
+def mean_frame(estimate: xr.Dataset) -> xr.Dataset:
+    """The mean of an estimate in frames, which its name says, others as they are; its deviation is the mean of theirs,
+    which is at least its own."""
+    count = estimate.sizes.get("slot")
+    if count is None:
+        return estimate
+    name = f"{estimate.attrs.get('decoder', 'estimate')}, mean of {count} frames"
+    return estimate.mean("slot", keep_attrs=True).assign_attrs(decoder=name)
+
+
 def estimate_thumbnail(estimate: xr.Dataset) -> Figure:
     """A small row of pictures: the scene in its colours, then depth or the predicted deviation where there is one.
 
     Args:
         estimate: as ``Estimate.to_xarray`` labels it; of several snapshots the first, of several slots the mean.
     """
-    first = estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate
-    first = first.mean("slot", keep_attrs=True) if "slot" in first.dims else first
+    first = mean_frame(estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate)
     values = first["radiance" if "radiance" in first else "estimate"]
     panels = [Panel("estimate", _colours(values))]
     if "depth" in first:
@@ -117,10 +126,8 @@ def _cube(estimate: xr.Dataset, truth: xr.DataArray | None, at: Points) -> Figur
     name, values = str(estimate.attrs["decoder"]), estimate["estimate"]
     waves = values["wavelength"].values.tolist()
     scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
-    # of several slots the mean; its deviation is at most the mean of theirs
-    shown = estimate.mean("slot") if "slot" in values.dims else estimate
-    spread = {name: shown["deviation"].values} if "deviation" in shown else {}
-    return note_false_colour(reconstruction_figure({name: shown["estimate"].values}, waves, scene, spread, at), waves)
+    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+    return note_false_colour(reconstruction_figure({name: values.values}, waves, scene, spread, at), waves)
 
 
 def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from tmca.applications.moving import refuse_frames
 from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array, holds_rgbd, read_scene, read_spectral_depth
@@ -107,6 +108,8 @@ def _items(contents: Contents, title: str, variable: str | None, about: dict[str
         return snapshot_items(Snapshot.load(contents.path), title, **about)
     if variable is None and holds_planes(contents):
         return plane_items(contents, title, **about)
+    if variable is None and "estimate" in contents.arrays:
+        refuse_frames(contents.path, contents.arrays["estimate"].dims)
     views = find_light_field(contents, variable)
     if views is not None:
         return [light_field_item(contents, views, title, **about)]

@@ -190,6 +190,18 @@ def test_frames_of_another_size_kind_or_light_are_refused(tmp_path, taken, frame
     bench = find_device("folder", path=str(folder), saturation="4095")
     with pytest.raises((DataError, DeviceError), match=f"{words}"):
         capture(export, bench, tmp_path / "f", camera=camera)
+    assert not (tmp_path / "f").exists()
+
+
+def test_a_bucket_that_is_missing_leaves_no_folder(tmp_path):
+    camera = spectral(sensor=Sensor(read_noise=0.002), buckets=2)
+    export = exported(tmp_path, camera, "dli4120", "coded-exposure-two-bucket")
+    own = capture(export, bench_of(camera), tmp_path / "own")
+    folder = theirs(tmp_path / "theirs", own, once(DARKS) | {"exposure.tif": "exposure"})
+    tifffile.imwrite(folder / "exposure.tif", tifffile.imread(folder / "exposure.tif")[0])
+    with pytest.raises(DataError, match=r"theirs/exposure.tif: found a frame of 12×18, expected 2×12×18"):
+        capture(export, find_device("folder", path=str(folder)), tmp_path / "f", camera=camera)
+    assert not (tmp_path / "f").exists()
 
 
 def test_saturation_is_the_largest_number_of_the_files_unless_it_is_told(tmp_path):

@@ -100,12 +100,13 @@ def capture(
             files, record["frames"] = calls.of(partial(device.files_of_frames, names)), {}
             wanted += [CaptureFrame(name, None, DARK) for name in files if name not in names]
         size = None if camera is None else tuple(camera.snapshot_shape)
+        places = {frame.name: files.get(frame.name, folder / frame.name) for frame in wanted}
+        for frame in wanted if files else ():  # all of them before any is kept
+            _, size = checked_frame(calls, frame, places[frame.name], size, saturation)
         for done, frame in enumerate(wanted):
             cached = frame.name in record["frames"]
             if not cached:
-                values = frame_of(calls, frame.slot, frame.of == WHOLE, frame.name)
-                size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
-                check_frame(values, folder / frame.name, size, saturation)
+                values, size = checked_frame(calls, frame, places[frame.name], size, saturation)
                 file = files.get(frame.name)
                 source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
                 keep(values, frame, record, folder, source)
@@ -127,6 +128,20 @@ def units_of(device: Device, camera: Camera | None, manifest: dict[str, Any], sa
 def calls_of(device: Device, manifest: dict[str, Any], timeout: float | None) -> Calls:
     """A context of calls of a bench; a simulated one takes as long as it computes."""
     return Calls(device, None if isinstance(device, SimulatedBench) else time_limit(manifest, timeout))
+
+
+def checked_frame(
+    calls: Calls, frame: CaptureFrame, where: Path, size: tuple[int, ...] | None, saturation: float
+) -> tuple[NDArray[np.integer], tuple[int, ...]]:
+    """Digital numbers of a frame, and its size (C, H, W): this one where it is given.
+
+    Raises:
+        DeviceError, DataError: as ``frame_of`` and ``check_frame``.
+    """
+    values = frame_of(calls, frame.slot, frame.of == WHOLE, frame.name)
+    size = size or (values.shape if values.ndim == 3 else (1, *values.shape))
+    check_frame(values, where, size, saturation)
+    return values, size
 
 
 def frame_of(calls: Calls, slot: int | None, whole: bool, name: str) -> NDArray[np.integer]:
