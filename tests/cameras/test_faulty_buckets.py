@@ -41,6 +41,14 @@ def test_leakage_is_the_share_that_falls_into_the_other_bucket(name):
 
 
 @each
+def test_most_of_a_buckets_light_is_its_own(name):
+    with pytest.raises(SettingError, match=r"leakage: found 0\.7, expected at most 0\.5 with 2 buckets"):
+        imperfect(CAMERAS[name](buckets=2), Hardware(leakage=0.7))
+    imperfect(CAMERAS[name](buckets=2), Hardware(leakage=0.5))
+    imperfect(CAMERAS[name](buckets=1), Hardware(leakage=0.7))
+
+
+@each
 def test_no_bucket_collects_in_the_dead_time(name):
     camera = CAMERAS[name](buckets=2).double()
     scene, bench = rand(1, *camera.scene_shape), imperfect(camera, Hardware(dead_time=0.25)).double()

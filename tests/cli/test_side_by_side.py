@@ -10,7 +10,7 @@ import xarray as xr
 
 from tests.cli.refusals import refused
 from tmca import reconstruct, simulate
-from tmca.cameras import SpectralCamera
+from tmca.cameras import Snapshot, SpectralCamera
 from tmca.cli import main
 from tmca.data import read_dataset
 from tmca.decoders import DECODERS
@@ -49,6 +49,18 @@ def here(two, tmp_path, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text(MINE)
     capsys.readouterr()
     return tmp_path
+
+
+def test_a_snapshot_that_its_codes_do_not_explain_is_doubted(here, capsys):
+    right = Snapshot.load("buckets_snapshot.nc")
+    Snapshot(right.values.flip(1), right.camera).save("exchanged_snapshot.nc")
+    main(["reconstruct", "buckets_snapshot.nc", "exchanged_snapshot.nc", "-d", "admm-tv", "--no-figures", "--json"])
+    told = capsys.readouterr()
+    own, exchanged = json.loads(told.out)
+    assert own["left_of_snapshot"] < 0.03 < exchanged["left_of_snapshot"]
+    (doubt,) = [line for line in told.err.splitlines() if "the estimate leaves" in line]
+    assert doubt.startswith("tmca: exchanged_snapshot.nc: ")
+    assert "buckets that are exchanged" in doubt
 
 
 @pytest.mark.slow

@@ -147,6 +147,9 @@ def test_a_burst_is_the_rival_and_never_chosen(examples):
     assert (found.chosen, found.multiplex, found.best) == (None, False, found.static)
     assert found.burst.gain > 0
     assert found.burst.alike
+    longer = advise(examples, SensorSheet(read_noise=1e-6), kinds=["burst"], **{**how, "slots": [4]})
+    assert [(c.design.slots, c.design.camera.buckets) for c in longer.surveyed[1:]] == [(2, 2), (4, 4)]
+    assert longer.surveyed[2].design.mse <= longer.surveyed[1].design.mse * (1 + 1e-6)
     with pytest.raises(SettingError, match="one bucket"):
         advise(examples, SensorSheet(read_noise=0.02), kinds=["two-bucket"], **how)
 

@@ -10,7 +10,7 @@ from tmca.design import designable
 from tmca.design.expected_error import BlockMse, TileMse, design_model, even_places, windows
 from tmca.design.search import Effort, search
 from tmca.design.transfer import learn_examples
-from tmca.errors import ShapeError
+from tmca.errors import SettingError, ShapeError
 from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianPrior
 
@@ -81,3 +81,22 @@ def test_codes_files_say_how_many_buckets(kind, tmp_path):
     again = SpectralCamera(bands=BANDS, size=PERIOD, **read_codes(file).settings())
     assert again.buckets == 2
     assert torch.equal(again.taps().code, made.taps().code)
+
+
+def test_a_burst_has_a_frame_in_each_slot_and_a_longer_one_contains_the_shorter():
+    error, effort = examples().tile_mse(1e-6, 0.0), Effort(descents=1, steps=6, flips=0)
+    two = search("burst", 2, PERIOD, error, effort=effort, bands=BANDS)
+    four = search("burst", 4, PERIOD, error, effort=effort, starts=[two.camera], bands=BANDS)
+    frames = four.camera.codes.shutter().unflatten(0, (4, 4))
+    assert torch.equal(frames[:, :, 0, 0], torch.eye(4))
+    assert (frames == frames[..., :1, :1]).all()
+    assert (two.camera.buckets, four.camera.buckets) == (2, 4)
+    assert four.mse <= two.mse * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(("slots", "start", "said"), [
+    (1, None, "each frame of a burst has a slot"), (4, camera("free"), "patterns"), (5, camera("burst"), "a divisor"),
+])  # fmt: skip
+def test_other_codes_are_no_burst(slots, start, said):
+    with pytest.raises((SettingError, ShapeError), match=said):
+        camera("burst", slots, start=start)

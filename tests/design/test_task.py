@@ -22,7 +22,7 @@ def task(tmp_path_factory):
 @pytest.mark.parametrize(("kind", "slots", "contained"), [
     ("free", 2, ("static", 1)), ("free", 4, ("free", 2)),
     ("two-bucket", 2, ("burst", 2)), ("two-bucket", 4, ("two-bucket", 2)),
-    ("two-bucket", 3, None), ("one-hot", 2, None),
+    ("two-bucket", 3, None), ("one-hot", 2, None), ("burst", 2, None), ("burst", 3, None),
 ])  # fmt: skip
 def test_codes_are_no_worse_than_the_first_that_they_contain(task, kind, slots, contained):
     best = task.design(kind, slots)
@@ -32,3 +32,8 @@ def test_codes_are_no_worse_than_the_first_that_they_contain(task, kind, slots, 
         assert len(task.seconds(kind, slots)) == 1
     else:  # with one descent only the first start is used
         assert best.mse <= task.design(*contained).mse * (1 + 1e-9)
+
+
+def test_a_burst_of_four_starts_from_the_one_of_two(task):
+    assert [*task.seconds("burst", 4)] == ["burst K = 4", "burst K = 2"]
+    assert task.design("burst", 4).camera.buckets == task.design("burst", 4).slots == 4  # searched, then read again

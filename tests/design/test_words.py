@@ -10,13 +10,13 @@ from tmca.design.mask_search import mask_advice
 from tmca.reports.codes import columns_of
 
 
-def design(kind="free", gain=0.5, spread=0.2, alike=False):
-    return Made(design=Made(slots=4, kind=kind), gain=gain, spread=spread, psnr=30 + gain, alike=alike)
+def design(kind="free", gain=0.5, spread=0.2, alike=False, slots=4):
+    return Made(design=Made(slots=slots, kind=kind), gain=gain, spread=spread, psnr=30 + gain, alike=alike)
 
 
-def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, **changes):
+def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, frames=2, **changes):
     best = two or one or design(gain=gain, spread=spread)
-    rival = None if burst is None else design("burst", burst)
+    rival = None if burst is None else design("burst", burst, slots=frames)
     told = {"static": design("static", 0.0), "one": one, "two": two, "burst": rival, "chosen": best, "best": best}
     usual = {"multiplex": True, "left_out": (), "throughput": 0.9, "more_slots": {}, "within": 0.1}
     return Made(**told | usual | changes)
@@ -52,6 +52,8 @@ def test_codes_are_advised_with_their_gain(advice, said):
          "Trust differences to within ± 0.2 dB"),
         (codes(one=design(), two=design("two-bucket", 2.5, alike=True), burst=2.5), "codes are a burst themselves"),
         (codes(one=design(), burst=1.5), "The burst is 1.0 dB better: prefer it if the scene stands still"),
+        (codes(one=design(), burst=1.5, frames=4), "the sensor can be read 4 times in this time. This sensor"),
+        (codes(one=design(), burst=1.5, frames=4), "a burst of four frames: 31.5 dB"),
         (codes(one=design(), burst=0.45), "The burst is as good where the scene stands still; take the codes"),
         (codes(one=design(), two=design("two-bucket", 0.5), chosen=None, multiplex=False, burst=0.0),
          "The second bucket is not worth it (+0.0 dB)."),

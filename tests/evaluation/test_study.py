@@ -104,6 +104,7 @@ def test_networks_of_the_shipped_study_are_at_hand_and_may_be_changed(tmp_path):
         ({"codes": {"a": {"learn": {"what": "both", "start": "b", "networks": {}}}}}, "codes.a.learn.start"),
         ({"decoder_pairs": [["lmmse", "magic"]]}, "decoder_pairs"),
         ({"codes": {"a": {"dead_time": 0.004}}}, "codes.a.dead_time"),
+        ({"codes": {"a": {"camera": {"buckets": 2}, "search": {"kind": "burst", "slots": 4}}}}, "codes.a.buckets"),
         ({"camera": "spectral-depth", "reading": {}, "codes": {"a": {"dead_time": 0.1}}}, "codes.a.dead_time"),
         ({"codes": {"a": {"dead_time": 0.1, "learn": {"what": "both", "networks": {}}}}}, "codes.a.dead_time"),
     ],

@@ -189,7 +189,7 @@ class _Job:
         from tmca.applications.imaging import metric_notes
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
-        from tmca.decoders import decode
+        from tmca.decoders import decode, misfit_of
         from tmca.metrics import beside_constant
 
         asked, output = self.asked, self.asked.output
@@ -203,6 +203,9 @@ class _Job:
         metrics = {} if scene is None else _metrics(estimate, scene)
         if scene is None:
             warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
+        unexplained = misfit_of(estimate, self.taken.values)
+        if unexplained.doubtful:
+            warned(f"{self.file.name}: {unexplained.in_words()}: {unexplained.causes}")
         estimate.notes |= metric_notes(metrics)
         written = [estimate.save(target, overwrite=output.overwrite)]
         if output.figures:
@@ -210,7 +213,8 @@ class _Job:
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
-        remarks = [*application_of(self.taken.camera).remarks(shown), *beside_constant(metrics)]
+        report |= {"left_of_snapshot": unexplained.left, "noise_of_snapshot": unexplained.noise}
+        remarks = [unexplained.in_words(), *application_of(self.taken.camera).remarks(shown), *beside_constant(metrics)]
         return _Done(shown, scene, report, remarks)
 
     def _scene(self) -> Any:

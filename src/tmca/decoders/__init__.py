@@ -9,6 +9,7 @@ from tmca.decoders.estimate import Estimate
 from tmca.decoders.least_squares import Result, tikhonov
 from tmca.decoders.likelihood import PatchLikelihood
 from tmca.decoders.lmmse import LMMSE, PatchEstimator
+from tmca.decoders.misfit import Misfit, misfit_of
 from tmca.decoders.nets.build import build_network
 from tmca.decoders.nets.network import Network
 from tmca.decoders.nets.subspace import SubspaceNetwork
@@ -33,6 +34,7 @@ __all__ = [
     "Decoder",
     "DictionaryEstimator",
     "Estimate",
+    "Misfit",
     "Network",
     "NoRenderedPrior",
     "OtherCodes",
@@ -56,6 +58,7 @@ __all__ = [
     "frame_operator",
     "lasso_admm",
     "make_decoder",
+    "misfit_of",
     "nl_means_denoiser",
     "per_band",
     "pnp_admm",

@@ -39,15 +39,16 @@ def advise(
 ) -> Advice:
     """Search static and time-multiplexed codes for a sensor with the same effort, at equal exposure time.
 
-    A survey tries everything, and a burst of two frames, the rival. The static code, the burst and the best with one
-    bucket and with two are then searched with more effort.
+    A survey tries everything, and a burst of two frames, the rival, or of more where they are asked for. The static
+    code, the burst and the best with one bucket and with two are then searched with more effort.
 
     Args:
         examples: scenes to design for; gains are judged on each of them under the prior of the others.
         sheet: sensor and modulator.
         slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without.
         kinds: structures of codes to try, see ``SensorSheet.kinds``; free codes also start from the static design,
-            which they contain, those of two buckets from the burst.
+            which they contain, those of two buckets from the burst. Bursts have two frames, or as many as ``slots``
+            that are given.
         period: (rows, columns) of the tile, pixels.
         survey: effort of each search of the survey.
         effort: of the last searches; one descent where pixels are read twice, as each of its steps takes as long as
@@ -65,6 +66,7 @@ def advise(
     noise = sheet.sensor().noise(designable("static", 1, period, **camera).full_scale)
     task = _Task(examples, (noise.read, noise.shot), period, throughput, seed, camera)
     asked = [(kind, k) for k in sheet.allowed(slots) for kind in sheet.kinds(kinds)]
+    asked = [(kind, k) for kind, k in asked if kind != BURST or k == 2 or slots is not None]
     plan = [each for each in asked if task.reaches(*each)]
     out = tuple(sorted(set(asked) - set(plan)))
     if asked and task.has_rival():
@@ -97,11 +99,15 @@ def _lengths(plan: Sequence[tuple[str, int]], families: Sequence[str], survey: E
 
 def _starts_of(candidates: Sequence[Candidate], kind: str, slots: int) -> list[Candidate]:
     """Designs that codes of a kind with so many slots contain: free codes the best one of fewer slots, and those of as
-    many, all of one bucket; codes of two buckets the best one of two, bursts among them."""
+    many, all of one bucket; codes of two buckets the best one of two, bursts among them; a burst the best shorter
+    one."""
     divisors = [c for c in candidates if slots % c.design.slots == 0]
     if family_of(kind) == "two":
         twice = [c for c in divisors if c.design.camera.buckets == 2]
         return [min(twice, key=lambda c: c.design.mse)] if twice else []
+    if kind == BURST:
+        bursts = [c for c in divisors if c.design.kind == BURST]
+        return [min(bursts, key=lambda c: c.design.mse)] if bursts else []
     if kind != "free":
         return []
     divisors = [c for c in divisors if c.design.camera.buckets == 1]

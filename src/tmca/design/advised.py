@@ -66,7 +66,8 @@ class Advice(Summary):
         surveyed: designs after the survey, the static one, from which the others' gains are counted, first.
         one: the best of them that needs one bucket, searched on; None where one slot is all that fits.
         two: the same of those that need two; None without a second bucket.
-        burst: the rival, two static frames one after the other in the same time; None where only one pattern fits.
+        burst: the rival, two static frames or more one after the other in the same time; None where only one pattern
+            fits.
         noise: (read noise, shot) in snapshot units.
         sheet: of the sensor.
         left_out: (kind, K) of codes that cannot let through the share of light that was asked for.
@@ -189,8 +190,14 @@ def _compared_codes(advice: Advice) -> str:
         for name, each in own.items()
         if each is not None
     ]
-    parts += [f"static: {advice.static.psnr:.1f} dB", f"a burst of two frames: {advice.burst.psnr:.1f} dB"]
+    parts += [f"static: {advice.static.psnr:.1f} dB", f"a burst of {frames_of(advice)}: {advice.burst.psnr:.1f} dB"]
     return " ".join(part for part in (f"This sensor {'; '.join(parts)}.", _second_bucket(advice)) if part)
+
+
+def frames_of(advice: Advice) -> str:
+    """How many frames the burst has, in words."""
+    frames = 2 if advice.burst is None else advice.burst.design.slots
+    return f"{ {2: 'two', 3: 'three', 4: 'four'}.get(frames, frames) } frames"
 
 
 def _second_bucket(advice: Advice) -> str:
@@ -214,11 +221,11 @@ def _against_burst(advice: Advice) -> str:
         return f"The {name} gain{'' if advice.multiplex else 's'} {gain:.1f} dB over the burst."
     if gain > -WORTH:
         return f"The burst is as good where the scene stands still; take the {name} if it moves."
-    said = (
-        f"The burst is {-gain:.1f} dB better: prefer it if the scene stands still and the sensor can be read twice in "
-    )
-    more = " With two buckets a pixel, one reading holds both frames: add --buckets 2." if advice.two is None else ""
-    return f"{said}this time.{more}"
+    times = "twice" if rival.design.slots == 2 else f"{rival.design.slots} times"
+    said = f"The burst is {-gain:.1f} dB better: prefer it if the scene stands still and the sensor can be read {times}"
+    both = advice.two is None and rival.design.slots == 2
+    more = " With two buckets a pixel, one reading holds both frames: add --buckets 2." if both else ""
+    return f"{said} in this time.{more}"
 
 
 def _careful(advice: Advice) -> str:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from tmca.cameras import CodedCamera, SpectralCamera
+from tmca.codes import BURST
 from tmca.errors import SettingError, check_choice
 
 KINDS: dict[str, dict[str, Any]] = {
@@ -24,9 +25,15 @@ KINDS: dict[str, dict[str, Any]] = {
     "burst": {"aperture": "random", "shutter": "burst", "buckets": 2},
 }
 """Structure of codes by name: what the optimiser starts from and, where planes are no random, balanced, blue-noise or
-S-matrix ones, keeps. ``"two-bucket"`` needs pixels with two buckets; ``"burst"`` is two frames one after the other,
-which any sensor gives: the rival of both."""
+S-matrix ones, keeps. ``"two-bucket"`` needs pixels with two buckets; ``"burst"`` is a frame in each slot, one
+after the other, each read on its own, which any sensor gives: the rival of both."""
 _JITTER, _BISECTIONS = 0.9, 24
+
+
+def buckets_of(kind: str, slots: int) -> int:
+    """R that codes of a kind with so many slots need: of a burst one for each frame, two at least."""
+    least = int(KINDS[kind].get("buckets", 1))
+    return max(slots, least) if kind == BURST else least
 
 
 def designable(
@@ -43,32 +50,37 @@ def designable(
 
     Args:
         kind: name in ``KINDS``.
-        slots: number of time slots K; 1 for ``"static"``.
+        slots: number of time slots K; 1 for ``"static"``, of a burst its frames.
         period: (rows, columns) of the tile, pixels.
         seed: of the codes.
         start: a camera of the same period whose codes are started from; of one with fewer slots, each is shown in
-            several slots in a row: the same camera in finer time. Of all buckets of a burst the first one's are taken,
-            the rest is the second's.
+            several slots in a row: the same camera in finer time, a burst read more often. Of all buckets of a burst
+            the first one's are taken, the rest is the second's.
         camera_type: ``SpectralCamera`` or ``LightFieldCamera``.
         camera: its further arguments.
 
     Raises:
-        SettingError: unknown kind, a static camera with slots, a start whose slots do not divide these, or whose codes
-            are not of this kind.
+        SettingError: unknown kind, a static camera with slots, a burst of one frame, a start whose slots do not divide
+            these, or whose codes are not of this kind.
     """
     check_choice("kind", kind, KINDS)
     if kind == "static" and slots != 1:
         raise SettingError("slots", f"{slots} of a static code", "1", "choose another kind")
     settings: dict[str, Any] = {"jitter": _JITTER, "seed": seed}
-    made = camera_type(size=period, period=period, slots=slots, learnable=True, **settings, **KINDS[kind], **camera)
+    shown = KINDS[kind] | ({"buckets": buckets_of(kind, slots)} if kind == BURST else {})
+    made = camera_type(size=period, period=period, slots=slots, learnable=True, **settings, **shown, **camera)
     if start is None:
         return made
     if slots % start.slots:
         raise SettingError("start", f"{start.slots} slots", f"a divisor of {slots}")
-    for name in ("aperture", "shutter"):
+    names = ["aperture", "shutter"]
+    if kind == BURST and slots != start.slots:  # a longer burst has more frames: of a shorter one it has the apertures
+        designable(kind, start.slots, period, start=start, camera_type=camera_type, **camera)  # refuses other codes
+        names = ["aperture"]
+    for name in names:
         codes = getattr(start.codes, name).tile().detach().repeat_interleave(slots // start.slots, 0)
-        shown = getattr(made.codes, name)
-        shown.show(codes[: len(shown.tile())], **settings)
+        plane = getattr(made.codes, name)
+        plane.show(codes[: len(plane.tile())], **settings)
     return made
 
 

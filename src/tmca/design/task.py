@@ -26,7 +26,7 @@ from tmca.sensor import Noise, Sensor
 
 _STATIC = 7
 """Searches of which free codes of eight slots are the last."""
-_LEAST = {"free": ("static", 1), "two-bucket": (BURST, 2)}
+_LEAST = {"free": ("static", 1), "two-bucket": (BURST, 2), BURST: None}
 """What codes of the fewest slots contain, by their kind."""
 
 
@@ -98,9 +98,9 @@ class Task:
         return search(kind, slots, self.period, self.error, starts=starts, **how)
 
     def design(self, kind: str, slots: int) -> Design:
-        """The best codes of a kind, searched once. Free ones and those of two buckets start from what they contain;
-        static ones have as many descents as the free ones of eight slots with all that these contain, unless the task
-        says otherwise."""
+        """The best codes of a kind, searched once. Free ones, those of two buckets and bursts start from what they
+        contain; static ones have as many descents as the free ones of eight slots with all that these contain, unless
+        the task says otherwise."""
         file = self.file(kind, slots)
         if file.exists():
             return self._stored(file, kind)
@@ -156,7 +156,7 @@ def _contained(kind: str, slots: int) -> list[tuple[str, int]]:
     if kind not in _LEAST:
         return []
     fewer = (kind, slots // 2) if slots % 2 == 0 and slots > 2 else _LEAST[kind]
-    starts = [fewer] if slots % fewer[1] == 0 else []
+    starts = [fewer] if fewer and slots % fewer[1] == 0 else []
     return [*starts, ("one-hot", slots)] if kind == "free" else starts
 
 

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
-from tmca.design.kinds import KINDS
+from tmca.design.kinds import KINDS, buckets_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
@@ -93,9 +93,14 @@ class Code(Strict):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Code:
-        """Codes of a file are not made."""
+        """Codes of a file are not made; each frame of a searched burst is a bucket."""
         if self.file is not None and (self.search or self.learn):
             raise SettingError("file", "codes of a file that are searched or learned", "one of them")
+        if self.search and self.search.kind == BURST and "buckets" in self.camera:
+            given, frames = self.camera["buckets"], buckets_of(BURST, self.search.slots or 1)
+            if given != frames:
+                found = f"{given} beside a searched burst of {frames} frames"
+                raise SettingError("buckets", found, f"{frames}, one a frame", "leave it out, or change slots")
         return self
 
     @property
@@ -114,7 +119,7 @@ class Code(Strict):
     def buckets(self) -> int:
         """That a pixel needs for them."""
         stored, kind = self._stored, self.search.kind if self.search else None
-        searched = KINDS[kind].get("buckets", 1) if kind in KINDS else 1
+        searched = buckets_of(kind, self.search.slots or 1) if self.search and kind in KINDS else 1
         return stored.buckets if stored else int(self.camera.get("buckets", searched))
 
     @property

@@ -17,7 +17,7 @@ from torch import Tensor
 from tmca.applications.report import Section, write_report
 from tmca.arguments import checked
 from tmca.cameras import CodedCamera
-from tmca.codes import write_codes
+from tmca.codes import BURST, write_codes
 from tmca.data import atomic_path, check_folder, make_folder, tiff_bytes, write_json
 from tmca.design import (
     SURVEY,
@@ -34,6 +34,7 @@ from tmca.design import (
     measures,
 )
 from tmca.design.advised import WITHIN, advice_lines, code_advice
+from tmca.design.kinds import buckets_of
 from tmca.errors import DataError
 from tmca.evaluation.tables import check_new, repository_commit
 from tmca.lab.notes import CODES_DATE, now
@@ -150,7 +151,8 @@ def search_codes(
     check_search(sheet, slots, kinds, period, seed, throughput, light)
     of_slots = [f"codes_k{k}.nc" for k in (1, *sheet.allowed(slots))]
     check_new((out / name for name in (*FILES, *of_slots)), overwrite)
-    check_size(bare, (period, period), sheet.allowed(slots), scenes, sheet.buckets)
+    frames = buckets_of(BURST, max(slots)) if slots and BURST in (kinds or ()) else 1
+    check_size(bare, (period, period), sheet.allowed(slots), scenes, max(frames, sheet.buckets))
     check_folder(out)
     progress = progress or (lambda share, step: None)
     learned = learn(progress)
@@ -297,7 +299,7 @@ def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
     survey = ["A survey with less effort; gains are over its own static code, the first row."]
     if advice.burst is not None:
         about.append(
-            "A burst is two static frames with two apertures, one after the other within the same time: it loses no "
+            "A burst is static frames with an aperture each, one after the other within the same time: it loses no "
             "light either. Each bucket and each frame has its own read noise and its own full well."
         )
     codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "

@@ -30,6 +30,8 @@ PARTS = {
 """Faults that a camera cannot have."""
 BUCKETS = ("bucket_gain", "bucket_offset", "transfer")
 """Faults of a sensor with several buckets alone."""
+MOST_SORTED_WRONG = 0.5
+"""Leakage between buckets above which most of a bucket's light is in others: exchanged ones, as calibration says."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,7 @@ class Hardware:
     Args:
         contrast_ratio: light that an open aperture pixel passes over that of a closed one; infinite for a perfect one.
         leakage: share of the light that a closed shutter pixel records; with several buckets, that each of them loses
-            to the others.
+            to the others, half of it at most.
         bucket_gain: share by which the second and later buckets are read brighter than the first.
         bucket_offset: what the second and later buckets read more than the first without light, share of full scale.
         transfer: time after a pixel has changed its bucket in which its light reaches none, share of a slot: taps of a
@@ -152,6 +154,11 @@ class Hardware:
 
     def check(self, application: str, buckets: int = 1) -> None:
         """Raises SettingError for a fault that a camera, or a sensor with so many buckets a pixel, cannot have."""
+        if buckets > 1 and self.leakage > MOST_SORTED_WRONG:
+            expected = (
+                f"at most {MOST_SORTED_WRONG} with {buckets} buckets: most of a bucket's light would be in others"
+            )
+            raise SettingError("leakage", f"{self.leakage:g}", expected, "exchange the buckets if that is meant")
         for name in self.faults():
             if buckets == 1 and name in BUCKETS:
                 expected = "none of a sensor with one bucket"
