@@ -185,7 +185,7 @@ def test_priors_and_names_that_are_of_no_use_are_refused():
 
 
 def test_moving_decoders_stand_apart():
-    moving = {"kriging", "space-time-dct", "space-time-lmmse"}
+    moving = {"kriging", "space-time-dct", "space-time-lmmse", "space-time-mixture"}
     assert moving == set(decoders_for("spectral", moving=True))
     assert not moving & set(decoders_for("spectral"))
 

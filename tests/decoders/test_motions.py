@@ -7,7 +7,7 @@ from tests.decoders.test_moving import MOVED, error_db, smoother_scene, taken
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_object, moving_scenes
 from tmca.cameras.frames import frame_taps
 from tmca.decoders import decode
-from tmca.decoders.motion_evidence import REST, Evidence, Motion, MotionPriors
+from tmca.decoders.motion_evidence import REST, Evidence, Motions, MotionPriors
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
@@ -24,10 +24,10 @@ def estimates(snapshot, prior, **settings):
 
 
 def test_the_parts_of_a_square_of_displacements_fill_it():
-    parts = Motion((1.0, -2.0), 3.0).parts()
+    parts = Motions((1.0, -2.0), 3.0).parts()
     assert {part.side for part in parts} == {1.0}
     assert sorted(part.centre for part in parts) == [(y, x) for y in (0.0, 1.0, 2.0) for x in (-3.0, -2.0, -1.0)]
-    assert Motion((1.0, -2.0), 1.0).displacements() == [(y, x) for y in (0.75, 1.25) for x in (-2.25, -1.75)]
+    assert Motions((1.0, -2.0), 1.0).displacements() == [(y, x) for y in (0.75, 1.25) for x in (-2.25, -1.75)]
     assert REST.displacements() == [(0.0, 0.0)]
 
 
@@ -63,7 +63,7 @@ def test_the_evidence_is_highest_for_the_motion_that_there_was(prior):
     everywhere = torch.ones(len(evidence.places), dtype=torch.bool)
 
     def total(*centre):
-        return float(evidence.of(priors.solver(0, Motion(centre, 0.5)), everywhere).sum())
+        return float(evidence.of(priors.solver(0, Motions(centre, 0.5)), everywhere).sum())
 
     others = [(0.0, 0.0), (-3.0, 2.0), (3.0, 2.0), (1.5, -1.0), (3.0, -3.5)]
     assert total(*MOVED) > max(total(*other) for other in others)

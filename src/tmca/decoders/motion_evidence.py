@@ -34,7 +34,7 @@ _SPLIT, _FINEST = 3, 0.5  # parts of a square of displacements along an axis, an
 _PARTED, _BEHIND = 2, 6.0  # squares that are parted together, where they are no further behind the best in log evidence
 
 
-class Motion(NamedTuple):
+class Motions(NamedTuple):
     """Displacements over the exposure that are as likely: a square around ``centre`` (rows, columns), pixels; rest,
     without a side."""
 
@@ -45,17 +45,17 @@ class Motion(NamedTuple):
         """Evenly through the square, at most a pixel apart."""
         return self._grid(max(2, ceil(self.side))) if self.side else [self.centre]
 
-    def parts(self) -> list[Motion]:
+    def parts(self) -> list[Motions]:
         """Smaller squares that fill it."""
-        return [Motion(centre, self.side / _SPLIT) for centre in self._grid(_SPLIT)]
+        return [Motions(centre, self.side / _SPLIT) for centre in self._grid(_SPLIT)]
 
     def _grid(self, count: int) -> list[tuple[float, float]]:
         steps = [self.side * ((step + 0.5) / count - 0.5) for step in range(count)]
         return [(self.centre[0] + down, self.centre[1] + across) for down in steps for across in steps]
 
 
-REST = Motion()
-Key = tuple[int, Motion]
+REST = Motions()
+Key = tuple[int, Motions]
 """A blur (pixels) and a motion."""
 Place = tuple[int, int]
 """(top, left) of a block."""
@@ -86,7 +86,7 @@ class MotionPriors:
         room = min(side - least for side, least in zip(self.still.block[1:], self.block, strict=True))
         return [blur for blur in BLURS if blur <= max(0, room - reach_of(self.motion))]
 
-    def prior(self, blur: int, motion: Motion) -> GaussianPrior:
+    def prior(self, blur: int, motion: Motions) -> GaussianPrior:
         """Of scenes of some blur that move so."""
         still = smoother_prior(self.still, blur) if blur else self.still
         return moving_prior(still, self.frames, self.motion, self.block, motion.displacements())
@@ -96,7 +96,7 @@ class MotionPriors:
         """Of the blocks behind the camera."""
         return BlockModel.of(self.taps, self.prior(0, REST).block)
 
-    def solver(self, blur: int, motion: Motion) -> GaussianSolver:
+    def solver(self, blur: int, motion: Motions) -> GaussianSolver:
         """Of blocks of such scenes; made anew each time, as it holds tens of megabytes once it was used."""
         return GaussianSolver(self.prior(blur, motion), self.model, self.noise)
 
@@ -115,7 +115,7 @@ class Evidence:
         self.snapshot = self.layout.grid.pad_snapshot(snapshot)
         self.places = [place for group in self.layout.groups for place in group]
         at = torch.tensor(self.places)
-        self.whole = Motion((0.0, 0.0), 2 * priors.motion)
+        self.whole = Motions((0.0, 0.0), 2 * priors.motion)
         self.around = ((at[:, None] - at).abs() <= torch.tensor(stride)).all(-1)
 
     def of(self, solver: GaussianSolver, here: Tensor) -> Tensor:
@@ -155,11 +155,11 @@ class Evidence:
                   for blur in self.priors.blurs}  # fmt: skip
         return {key: torch.where(chosen[key[0]], one, -inf) for key, one in logs.items() if chosen[key[0]].any()}
 
-    def _closer(self, blur: int, logs: Mapping[Key, Tensor], moves: float) -> dict[Motion, Tensor]:
+    def _closer(self, blur: int, logs: Mapping[Key, Tensor], moves: float) -> dict[Motions, Tensor]:
         """(P,) logs of ever smaller squares of displacements, where they say more than rest and all motions together
         do; ``moves`` is the log probability of motion beforehand."""
         known = torch.maximum(logs[blur, self.whole], logs.get((blur, REST), logs[blur, self.whole]))
-        closer: dict[Motion, Tensor] = {}
+        closer: dict[Motions, Tensor] = {}
         parted = {self.whole: logs[blur, self.whole] > known - _BEHIND}
         while parted and next(iter(parted)).side > _FINEST:
             tried = {
