@@ -189,7 +189,7 @@ def solved_blocks(
     layout: BlockLayout, solver: GaussianSolver, groups: list[Places], snapshot: Tensor, variance: bool = False
 ) -> Iterator[SolvedBlock]:
     """Blocks of some groups under one prior, for a padded snapshot (1, R, H, W')."""
-    for part, posterior in solved_parts(layout, solver, groups, 1, variance):
+    for part, posterior in solved_parts(layout, solver, groups, 0, variance):  # no rows: the solver is used but once
         assert isinstance(posterior, BlockPosterior)
         for number, places in enumerate(part):
             measured = layout.grid.snapshot_windows(snapshot, places).flatten(0, 1)

@@ -103,13 +103,15 @@ class GaussianPrior(Prior):
         same = self.displaced[:, :, self.block[1] - 1, self.block[2] - 1]
         return same.diagonal().repeat_interleave(self.mean[0].numel())
 
-    def rows(self, pixels: Tensor, dtype: torch.dtype) -> Tensor:
-        """(..., n) rows of the covariance that belong to the flat indices ``pixels`` (...), without the whole of it."""
+    def rows(self, pixels: Tensor, dtype: torch.dtype, columns: slice = slice(None)) -> Tensor:
+        """(..., n) rows of the covariance that belong to the flat indices ``pixels`` (...), without the whole of it; of
+        some of the block's columns alone, (..., L·h·columns), if asked for."""
         if not self.stationary:
-            return self.moments.to(dtype)[pixels]
+            return self.moments.to(dtype)[pixels].unflatten(-1, self.block)[..., columns].flatten(-3)
         (_, h, w), moments = self.block, self.displaced.to(dtype)
         channel, row, column = torch.unravel_index(pixels, self.block)
-        return moments.unfold(2, h, 1).unfold(3, w, 1)[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
+        every = moments.unfold(2, h, 1).unfold(3, w, 1)[..., columns]
+        return every[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
 
     def _picture(self) -> Figure:
         """How channels vary together, and how pixels do over their distance."""
@@ -344,7 +346,9 @@ class GaussianSolver:
     @cached_property
     def valid_rows(self) -> Tensor:
         """(m, T, valid) the same with those of the valid columns."""
-        return self.model.in_valid(self.rows)
+        if "rows" in vars(self):
+            return self.model.in_valid(self.rows)
+        return self.prior.rows(self.model.pixels(), self.dtype, slice(*self.model.valid))
 
     def drop_rows(self) -> None:
         """Free the rows, tens of megabytes that are made again where they are asked for."""
