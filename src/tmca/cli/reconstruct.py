@@ -52,7 +52,7 @@ def reconstruct(
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
         others: more of them.
         decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
-            dagger, network, …; space-time-lmmse for scenes that move; of a spectral snapshot also lmmse-adapted (its
+            dagger, network, …; space-time-mixture for scenes that move; of a spectral snapshot also lmmse-adapted (its
             prior refitted to the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a
             spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch prior;
             or network. Your own is FILE.py:Class, or FILE.pt2 of `tmca decoder export`. Several are separated by

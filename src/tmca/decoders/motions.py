@@ -33,6 +33,7 @@ from tmca.operators.block_layout import BlockLayout, Canvas, Places, usual_strid
 from tmca.operators.taps import Taps
 from tmca.priors.moving import moving_block, smoother_prior
 
+_MOST = 6  # motions that are looked at in one block; where a snapshot says little of motion, many are as probable
 _MEMORY = 2**28  # bytes of the estimates of blocks that are held at once
 Shares = dict[Place, dict[Key, float]]
 """How probable blurs and motions are, by the place of a block."""
@@ -87,7 +88,9 @@ class MotionEstimator:
         shares: Shares = {}
         for place in self.layout.grid.positions:
             near = about[:, int((at - torch.tensor(place)).abs().amax(-1).argmin())]
-            shares[place] = {keys[i]: float(near[i]) for i in (near > NEGLIGIBLE).nonzero()[:, 0].tolist()}
+            best = near.topk(min(_MOST, len(keys)))
+            pairs = zip(best.indices.tolist(), best.values.tolist(), strict=True)
+            shares[place] = {keys[index]: share for index, share in pairs if share > NEGLIGIBLE}
         return shares
 
     def _shares(self, snapshot: Tensor, probable: Shares) -> Shares:

@@ -110,14 +110,15 @@ def movie(
         out: NetCDF file of frames to write.
         frames: a divisor of the number of slots.
         decoder: space-time-dct (blocks of space and time that are sparse in their cosine transform; any shutter),
-            space-time-lmmse (the prior of still scenes, moved), or kriging (every pixel open within one frame, nothing
+            space-time-lmmse (the prior of still scenes, moved), space-time-mixture (parts at rest, or that move by
+            what the snapshot says), or kriging (every pixel open within one frame, nothing
             displaced; with a standard deviation).
         lifetime: slots over which the scene changes; without it what predicts the capture's own pixels best (kriging).
         changing: share of the scene's variance that changes during the exposure, 0 to 1; likewise (kriging).
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
             the brightest at least (space-time-dct).
         iterations: over which the threshold falls to it, 40 without it (space-time-dct).
-        motion: largest displacement within the exposure that is expected, pixels; 4 without it (space-time-lmmse).
+        motion: largest displacement within the exposure that is expected, pixels; 4 without it (space-time-lmmse and space-time-mixture).
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
