@@ -7,7 +7,7 @@ from tests.decoders.test_moving import MOVED, error_db, smoother_scene, taken
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_object, moving_scenes
 from tmca.cameras.frames import frame_taps
 from tmca.decoders import decode
-from tmca.decoders.motion_evidence import REST, Evidence, Motions, MotionPriors
+from tmca.decoders.motion_evidence import REST, Evidence, MotionPriors, Motions
 from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor

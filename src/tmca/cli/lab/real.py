@@ -118,7 +118,8 @@ def movie(
         threshold: of coefficients at the end, relative irradiance; without it half the noise, and 0.5 % of
             the brightest at least (space-time-dct).
         iterations: over which the threshold falls to it, 40 without it (space-time-dct).
-        motion: largest displacement within the exposure that is expected, pixels; 4 without it (space-time-lmmse and space-time-mixture).
+        motion: largest displacement within the exposure that is expected, pixels; 4 without it (space-time-lmmse,
+            space-time-mixture).
     """
     from tmca.cameras import Snapshot
     from tmca.data import write_dataset
