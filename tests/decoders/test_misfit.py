@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from tests.small_scenes import smooth_scene
-from tmca.cameras import Snapshot, SpectralCamera
+from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import Estimate, decode, misfit_of
 from tmca.sensor import Sensor
 
@@ -47,6 +47,14 @@ def test_saturated_pixels_count_for_nothing():
 def test_frames_are_imaged_in_their_time():
     own = camera(sensor=Sensor())
     movie = torch.stack([SCENE.roll(step, 3) for step in range(4)], 1)
+    values = own.exact(movie)
+    assert misfit_of(Estimate(movie, own, "truth"), values).left < 1e-5
+    assert misfit_of(Estimate(movie.mean(1), own, "truth"), values).left > 0.01
+
+
+def test_frames_of_a_light_field_are_imaged_in_their_time():
+    own = LightFieldCamera(3, (16, 20), 4, shutter="balanced", buckets=2)
+    movie = smooth_scene(16, 20, 36, seed=4).unflatten(0, (1, 4, 3, 3))
     values = own.exact(movie)
     assert misfit_of(Estimate(movie, own, "truth"), values).left < 1e-5
     assert misfit_of(Estimate(movie.mean(1), own, "truth"), values).left > 0.01
