@@ -8,7 +8,7 @@ from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_obje
 from tmca.cameras.frames import frame_taps
 from tmca.decoders import decode
 from tmca.decoders.motion_evidence import REST, Evidence, MotionPriors, Motions
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -94,7 +94,35 @@ def test_a_light_field_that_moves():
     snapshot = Snapshot(camera(moved, generator=0), camera)
     _, every, mixed = estimates(snapshot, prior)
     assert mixed.shape == moved.shape
-    assert error_db(mixed, moved) < error_db(every, moved)
+    assert error_db(mixed, moved) < error_db(every, moved) - 0.5
+
+
+@pytest.mark.parametrize(("rest", "motion"), [(0.0, 4.0), (1.0, 4.0), (1.0, 0.0), (0.0, 0.0)])
+def test_certain_rest_and_certain_motion(prior, rest, motion):
+    snapshot, truth = taken("balanced", 2, read_noise=0.01)
+    both = Snapshot(torch.cat([snapshot.values, 0 * snapshot.values]), snapshot.camera)
+    values = decode(both, "space-time-mixture", prior=prior, rest=rest, motion=motion).values
+    assert values.shape == (2, *truth.shape)
+    assert values.isfinite().all()
+    alone = decode(snapshot, "space-time-mixture", prior=prior, rest=rest, motion=motion).values
+    torch.testing.assert_close(values[:1], alone)
+
+
+def test_without_evidence_rest_is_as_probable_as_it_was_said_to_be(prior, monkeypatch):
+    snapshot, _ = taken("balanced", 2, read_noise=0.01)
+    priors = MotionPriors(prior, 4, 4.0, (8, 10), frame_taps(snapshot.camera, 4), snapshot.camera.noise)
+    evidence = Evidence(priors, snapshot.values)
+    monkeypatch.setattr(evidence, "of", lambda solver, here: torch.where(here, 0.0, -torch.inf).double())
+    probable = evidence.probable(0.7)
+    at_rest = sum(share for (_, motion), share in probable.items() if motion == REST)
+    torch.testing.assert_close(at_rest, torch.full_like(at_rest, 0.7), atol=0.02, rtol=0)
+
+
+def test_a_prior_that_is_not_the_same_everywhere_is_refused(prior):
+    snapshot, _ = taken("balanced", 2, read_noise=0.01)
+    narrow = GaussianPrior.learn([smoother_scene(48, 52, seed=0)], (6, 6))
+    with pytest.raises(DataError, match="not the same everywhere"):
+        decode(snapshot, "space-time-mixture", prior=GaussianPrior(narrow.mean, narrow.covariance))
 
 
 def test_a_probability_of_rest_beyond_one_is_refused(prior):

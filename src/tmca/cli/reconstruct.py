@@ -17,7 +17,7 @@ from tmca.progress import progress_bar
 from tmca.specs import CAMERA_SPECS, TruthReading
 
 if TYPE_CHECKING:
-    from tmca.decoders import Decoder
+    from tmca.decoders import Decoder, Estimate
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _READING = OutputOptions(), TruthReading()
@@ -189,7 +189,7 @@ class _Job:
         from tmca.applications.imaging import metric_notes
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
-        from tmca.decoders import decode, misfit_of
+        from tmca.decoders import decode
         from tmca.metrics import beside_constant
 
         asked, output = self.asked, self.asked.output
@@ -203,9 +203,6 @@ class _Job:
         metrics = {} if scene is None else _metrics(estimate, scene)
         if scene is None:
             warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
-        unexplained = misfit_of(estimate, self.taken.values)
-        if unexplained.doubtful:
-            warned(f"{self.file.name}: {unexplained.in_words()}: {unexplained.causes}")
         estimate.notes |= metric_notes(metrics)
         written = [estimate.save(target, overwrite=output.overwrite)]
         if output.figures:
@@ -213,9 +210,21 @@ class _Job:
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
+        remarks = [*self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
+        return _Done(shown, scene, report, [*remarks, *beside_constant(metrics)])
+
+    def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
+        """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""
+        from tmca.decoders import misfit_of
+
+        try:
+            unexplained = misfit_of(estimate, self.taken.values)
+        except TmcaError:
+            return []
+        if unexplained.doubtful:
+            warned(f"{self.file.name}: {unexplained.in_words()}: {unexplained.causes}")
         report |= {"left_of_snapshot": unexplained.left, "noise_of_snapshot": unexplained.noise}
-        remarks = [unexplained.in_words(), *application_of(self.taken.camera).remarks(shown), *beside_constant(metrics)]
-        return _Done(shown, scene, report, remarks)
+        return [unexplained.in_words()]
 
     def _scene(self) -> Any:
         """The truth, brought to the camera; None where none is given."""

@@ -8,9 +8,8 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor
 
-from tmca.cameras.frames import frame_taps
 from tmca.decoders.estimate import Estimate
-from tmca.operators import TapOperator
+from tmca.decoders.space_time import frame_operator
 
 _FACTOR, _ONE_BUCKET, _BUCKETS = 1.5, 0.04, 0.02
 """More than noise and these shares of a snapshot, which decoders smooth away, times this factor is doubtful.
@@ -73,6 +72,6 @@ def _imaged(camera: Any, estimate: Estimate) -> Tensor:
     """(B, C, H, W') exact snapshot of an estimate."""
     scene = estimate.values
     if scene.ndim > 1 + len(camera.scene_shape):
-        return TapOperator(frame_taps(camera, scene.shape[1])).A(scene.flatten(1, -3))
+        return frame_operator(camera, scene.shape[1]).A(scene)
     exact: Tensor = camera.A(scene) if estimate.depth is None else camera.A(scene, estimate.depth)
     return exact

@@ -102,7 +102,8 @@ class MotionPriors:
 
 
 class Evidence:
-    """What one snapshot says of scenes and their motion, at places a block apart.
+    """What one snapshot says of scenes and their motion, at places about a block apart; some rows between the blocks, a
+    quarter of them at most, say nothing.
 
     Args:
         priors: of moving scenes.
@@ -114,6 +115,7 @@ class Evidence:
         self.layout, stride = _apart(priors)
         self.snapshot = self.layout.grid.pad_snapshot(snapshot)
         self.places = [place for group in self.layout.groups for place in group]
+        self._index = {place: index for index, place in enumerate(self.places)}
         at = torch.tensor(self.places)
         self.whole = Motions((0.0, 0.0), 2 * priors.motion)
         self.around = ((at[:, None] - at).abs() <= torch.tensor(stride)).all(-1)
@@ -122,21 +124,20 @@ class Evidence:
         """(P,) log evidence at the places ``here`` (P,), minus infinity elsewhere: the sum of the blocks around."""
         values = torch.zeros(len(self.places), dtype=torch.float64)
         needed = self.around[here].any(0)
-        place_of = {place: index for index, place in enumerate(self.places)}
-        groups = some_of(self.layout.groups, {place for place, index in place_of.items() if needed[index]})
+        groups = some_of(self.layout.groups, {place for place, index in self._index.items() if needed[index]})
         for block in solved_blocks(self.layout, solver, groups, self.snapshot):
             said = block.posterior.log_evidence(block.number, block.measured)
-            values[[place_of[place] for place in block.places]] = said
+            values[[self._index[place] for place in block.places]] = said.to(values)
         return torch.where(here, self.around.double() @ values, -inf)
 
     def probable(self, rest: float, progress: Progress | None = None) -> dict[Key, Tensor]:
         """(P,) probability at every place of blurs and motions; ``rest`` is that, beforehand, of a part at rest."""
         logs, blurs = self._first(rest), self.priors.blurs
         for index, blur in enumerate(blurs):
-            if (blur, self.whole) in logs:
-                logs |= {(blur, motion): one for motion, one in self._closer(blur, logs, log(1 - rest)).items()}
             if progress:
-                progress((index + 1) / len(blurs))
+                progress((index + 1) / (len(blurs) + 1))
+            if self.whole.side and (blur, self.whole) in logs:
+                logs |= {(blur, motion): one for motion, one in self._closer(blur, logs, log(1 - rest)).items()}
         probabilities = torch.softmax(torch.stack(list(logs.values())), 0)
         return {key: one for key, one in zip(logs, probabilities, strict=True) if (one > NEGLIGIBLE).any()}
 
@@ -156,24 +157,35 @@ class Evidence:
         return {key: torch.where(chosen[key[0]], one, -inf) for key, one in logs.items() if chosen[key[0]].any()}
 
     def _closer(self, blur: int, logs: Mapping[Key, Tensor], moves: float) -> dict[Motions, Tensor]:
-        """(P,) logs of ever smaller squares of displacements, where they say more than rest and all motions together
-        do; ``moves`` is the log probability of motion beforehand."""
+        """(P,) logs of all motions and of ever smaller squares of them, where these say more than rest and all motions
+        together do. A square that is parted leaves half of its probability beforehand to its parts.
+
+        Args:
+            moves: log probability of motion beforehand.
+        """
         known = torch.maximum(logs[blur, self.whole], logs.get((blur, REST), logs[blur, self.whole]))
-        closer: dict[Motions, Tensor] = {}
-        parted = {self.whole: logs[blur, self.whole] > known - _BEHIND}
+        every, before = {self.whole: logs[blur, self.whole]}, {self.whole: moves}
+        parted = {self.whole: every[self.whole] > known - _BEHIND}
         while parted and next(iter(parted)).side > _FINEST:
-            tried = {
-                part: self.of(self.priors.solver(blur, part), here) + moves + 2 * log(part.side / self.whole.side)
-                for motion, here in parted.items()
-                for part in motion.parts()
-            }
-            closer |= tried
-            gains = {motion: float((one - known).clamp_min(0).nan_to_num().sum()) for motion, one in tried.items()}
+            tried: dict[Motions, Tensor] = {}
+            for motion, here in parted.items():
+                every[motion] = torch.where(here, every[motion] - log(2), every[motion])
+                share = before[motion] - log(2 * _SPLIT**2)
+                before |= dict.fromkeys(motion.parts(), share)
+                tried |= {part: self.of(self.priors.solver(blur, part), here) + share for part in motion.parts()}
+            every |= tried
+            parted = _most_telling(tried, known)
             known = torch.maximum(known, torch.stack(list(tried.values())).amax(0))
-            best = sorted((m for m in tried if gains[m] > 0), key=lambda motion: -gains[motion])[:_PARTED]
-            likely = {motion: tried[motion] > known - _BEHIND for motion in best}
-            parted = {motion: here for motion, here in likely.items() if here.any()}
-        return closer
+        return every
+
+
+def _most_telling(tried: Mapping[Motions, Tensor], known: Tensor) -> dict[Motions, Tensor]:
+    """Motions that say most beyond what is known, and where (P,) they are among the likely ones."""
+    gains = {motion: float((one - known).clamp_min(0).nan_to_num().sum()) for motion, one in tried.items()}
+    best = sorted((motion for motion in tried if gains[motion] > 0), key=lambda motion: -gains[motion])[:_PARTED]
+    known = torch.maximum(known, torch.stack(list(tried.values())).amax(0))
+    likely = {motion: tried[motion] > known - _BEHIND for motion in best}
+    return {motion: here for motion, here in likely.items() if here.any()}
 
 
 class SolvedBlock(NamedTuple):
@@ -207,7 +219,7 @@ def _apart(priors: MotionPriors) -> tuple[BlockLayout, tuple[int, int]]:
     return BlockLayout(grid, grid.pad_code(code.detach())), (rows * down, columns * across)
 
 
-def some_of(groups: list[Places], places: set[tuple[int, int]]) -> list[Places]:
+def some_of(groups: list[Places], places: set[Place]) -> list[Places]:
     """The groups with these places alone; none that are empty."""
     parts = ([place for place in group if place in places] for group in groups)
     return [part for part in parts if part]

@@ -31,9 +31,10 @@ from tmca.decoders.moving import SpaceTimeLMMSE
 from tmca.errors import check_range, check_shape
 from tmca.operators.block_layout import BlockLayout, Canvas, Places, usual_stride
 from tmca.operators.taps import Taps
+from tmca.priors.gaussian import GaussianSolver
 from tmca.priors.moving import moving_block, smoother_prior
 
-_MOST = 6  # motions that are looked at in one block; where a snapshot says little of motion, many are as probable
+_MOST = 6  # blurs and motions that are looked at in one block: where a snapshot says little, many are as probable
 _MEMORY = 2**28  # bytes of the estimates of blocks that are held at once
 Shares = dict[Place, dict[Key, float]]
 """How probable blurs and motions are, by the place of a block."""
@@ -63,7 +64,10 @@ class MotionEstimator:
         """Of scenes of some blur that stand still."""
         if blur not in self._still:
             prior = smoother_prior(self.priors.still, blur) if blur else self.priors.still
-            self._still[blur] = PatchEstimator(prior, self.taps, self.priors.noise)
+            estimator = self._still[blur] = PatchEstimator(prior, self.taps, self.priors.noise)
+            _ = estimator.window
+            if isinstance(estimator.solver, GaussianSolver):
+                estimator.solver.drop_rows()  # the window takes hundreds of megabytes of them
         return self._still[blur]
 
     def __call__(self, snapshot: Tensor, *, uncertainty: bool = False, progress: Progress | None = None) -> Blended:
@@ -79,7 +83,9 @@ class MotionEstimator:
         evidence = Evidence(self.priors, snapshot)
         probable = self._at_blocks(evidence, evidence.probable(self.rest, part_of(progress, 0, 0.6)))
         shares = self._shares(snapshot, probable)
-        return self._blended(snapshot, shares, uncertainty, part_of(progress, 0.7, 1))
+        blended = self._blended(snapshot, shares, uncertainty, part_of(progress, 0.7, 0.9))
+        progress(1.0)
+        return blended
 
     def _at_blocks(self, evidence: Evidence, probable: Mapping[Key, Tensor]) -> Shares:
         """Of every block, what is probable around it, and how much so at most."""
@@ -94,7 +100,8 @@ class MotionEstimator:
         return shares
 
     def _shares(self, snapshot: Tensor, probable: Shares) -> Shares:
-        """What a block's own measurements leave of what is probable around it."""
+        """What a block's own measurements leave of what is probable around it, as if these were others: a block that
+        says little of motion follows its neighbours, and shares are somewhat too sure."""
         logs = {place: {key: log(share) for key, share in some.items()} for place, some in probable.items()}
         contested = {place: some for place, some in probable.items() if len(some) > 1}
         for key, block in self._solved(snapshot, self.layout.groups, contested):
@@ -123,7 +130,8 @@ class MotionEstimator:
         for groups in self._chunks():
             for (top, edge), (estimate, variance) in self._moving(snapshot, groups, moving, uncertainty).items():
                 mean.add(top, edge + left, estimate[None])
-                spread.add(top, edge + left + first, variance[None])
+                if uncertainty:
+                    spread.add(top, edge + left + first, variance[None])
             done += len(groups)
             progress(done / len(self.layout.groups))
         return self._with_rest(snapshot, mean.mean(), spread.mean() if uncertainty else None, self._at_rest(shares))
@@ -218,7 +226,7 @@ class SpaceTimeMixture(SpaceTimeLMMSE):
 
     def setup(self, camera: Any, prior: Any) -> Any:
         frames = self._frames(camera)
-        block = moving_block(camera, frames)
         taps = frame_taps(camera, frames)
-        priors = MotionPriors(prior, frames, self.motion, block, taps, camera.noise)
+        still, block = prior.to(taps.code.device), moving_block(camera, frames)
+        priors = MotionPriors(still, frames, self.motion, block, taps, camera.noise)
         return MotionEstimator(priors, camera.taps(), self.rest)

@@ -8,6 +8,7 @@ the threshold falls. What was never measured is filled by what keeps few coeffic
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,18 +152,19 @@ def _by_band(denoise: BlockThreshold, movie: Tensor, threshold: float) -> Tensor
 
 
 class FrameOperator(LinearOperator):
-    """The operator of movies (B, G, L, H, W) of a camera whose taps are those of all their frames."""
+    """The operator of movies (B, G, L, H, W) of a camera whose taps are those of all their frames; of light fields, (B,
+    G, V, U, H, W)."""
 
-    def __init__(self, taps: Taps, frames: int) -> None:
+    def __init__(self, taps: Taps, frames: int, channels: Sequence[int]) -> None:
         super().__init__()
-        self.collapsed, (channels, *size) = TapOperator(taps), taps.scene_shape
-        self.scene_shape, self.snapshot_shape = (frames, channels // frames, *size), taps.snapshot_shape
+        self.collapsed, size = TapOperator(taps), taps.scene_shape[1:]
+        self.scene_shape, self.snapshot_shape = (frames, *channels, *size), taps.snapshot_shape
 
     def A(self, scene: Tensor) -> Tensor:
-        return self.collapsed.A(scene.flatten(1, 2))
+        return self.collapsed.A(scene.flatten(1, -3))
 
     def A_adjoint(self, snapshot: Tensor) -> Tensor:
-        return self.collapsed.A_adjoint(snapshot).unflatten(1, self.scene_shape[:2])
+        return self.collapsed.A_adjoint(snapshot).unflatten(1, self.scene_shape[:-2])
 
     def gram_solve(self, snapshot: Tensor, shift: float | Tensor, **iteration: object) -> Tensor:
         """In closed form, see `TapOperator`."""
@@ -171,7 +173,7 @@ class FrameOperator(LinearOperator):
 
 def frame_operator(camera: CodedCamera, frames: int) -> FrameOperator:
     """The operator of a scene that changes ``frames`` times within the exposure, see `frame_taps`."""
-    return FrameOperator(frame_taps(camera, frames), frames)
+    return FrameOperator(frame_taps(camera, frames), frames, camera.scene_shape[:-2])
 
 
 @dataclass

@@ -12,9 +12,7 @@ from tmca.codes.buckets import changing, mixed_buckets
 from tmca.errors import DataError
 from tmca.lab.calibration.fitting import fit_std
 from tmca.lab.frames import Array
-
-LARGEST_LEAKAGE = 0.5
-"""Of a bucket's light in others: of two buckets that are exchanged, all of it."""
+from tmca.specs.hardware import MOST_SORTED_WRONG
 
 
 @dataclass(frozen=True)
@@ -74,9 +72,9 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     start = np.array([1.0, 0.01, 0.01])[: 2 + turns]
     fit = least_squares(lambda v: (predicted(v) - shares).ravel(), start, bounds=bounds, xtol=1e-12, ftol=1e-14)
     leakage, std = float(fit.x[1]), np.full(2, np.nan)
-    if leakage > LARGEST_LEAKAGE:
+    if leakage > MOST_SORTED_WRONG:
         what, remedy = f"{leakage:.0%} of a bucket's light in others", "check that the buckets are not exchanged"
-        raise DataError(source, what, f"{LARGEST_LEAKAGE:.0%} at most", remedy)
+        raise DataError(source, what, f"{MOST_SORTED_WRONG:.0%} at most", remedy)
     std[: 1 + turns] = fit_std(fit)[1:]
     transfer = float(fit.x[2]) if turns else 0.0
     return BucketMixing(shares, predicted(fit.x), leakage, transfer, std, float(np.sqrt((fit.fun**2).mean())))
