@@ -1,11 +1,19 @@
 """The Gaussian prior: its moments are those of the scenes."""
 
+import math
+
 import pytest
 import torch
+from torch.testing import assert_close
 
 from tests.small_scenes import smooth_scene
+from tmca.cameras import SpectralCamera
 from tmca.errors import DataError, ShapeError
+from tmca.operators.block_layout import BlockLayout
+from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianPrior
+from tmca.priors.gaussian import GaussianSolver
+from tmca.sensor import Noise
 
 CUBES = [smooth_scene(24, 31, seed=1), smooth_scene(20, 26, seed=2)]
 
@@ -60,3 +68,35 @@ def test_a_mean_that_is_of_no_block_is_refused(sides):
     mean = torch.ones(sides).double()
     with pytest.raises(ShapeError, match=r"prior: found shape \(.*\), expected \(L, h, w\)"):
         GaussianPrior(mean, torch.eye(mean.numel()).double())
+
+
+def test_some_columns_of_rows_are_those_of_all(prior):
+    pixels, columns = torch.tensor([[0, 7], [13, 20]]), slice(1, 3)
+    rows = prior.rows(pixels, torch.float64)
+    expected = rows.unflatten(-1, prior.block)[..., columns].flatten(-3)
+    torch.testing.assert_close(prior.rows(pixels, torch.float64, columns), expected)
+    dense = GaussianPrior(prior.mean, prior.covariance)
+    torch.testing.assert_close(dense.rows(pixels, torch.float64, columns), expected)
+
+
+def test_the_evidence_of_a_block_is_the_density_of_its_measurements(prior):
+    camera = SpectralCamera(prior.block[0], (12, 14), 2, buckets=2, shutter="balanced", dispersion=1)
+    noise, taps = Noise(0.05, 0.01), camera.taps()
+    model = BlockModel.of(taps, prior.block)
+    layout = BlockLayout.of(model, taps, (3, 3))
+    posterior = GaussianSolver(prior, model, noise, torch.float64).posterior(
+        layout.grid.code_windows(layout.code.double(), [(3, 3)]), 0
+    )
+    measured = torch.rand(4, model.measurements, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    density = torch.distributions.MultivariateNormal(posterior.expected[0], scale_tril=posterior.factor[0])
+    assert_close(posterior.factor[0] @ posterior.factor[0].mT, dense_covariance(posterior, prior, noise))
+    constant = model.measurements / 2 * math.log(2 * math.pi)
+    assert_close(posterior.log_evidence(0, measured), density.log_prob(measured) + constant)
+
+
+def dense_covariance(posterior, prior, noise):
+    """A S Aᵀ and the noise of the first block, from the dense covariance."""
+    n = prior.covariance.shape[0]
+    matrix = posterior.solver.model.measure(posterior.weights, torch.eye(n, dtype=torch.float64)[:, None])[:, 0].mT
+    variance = noise.read**2 + noise.shot * posterior.expected[0].clamp(min=0)
+    return matrix @ prior.covariance @ matrix.mT + torch.diag(variance)
