@@ -76,7 +76,7 @@ def spectral(
 
     Writes into --out: design.html (start there), design.json, the codes as aperture.tif and shutter.tif (0 and 255, a
     page per slot, one period) and together as codes.nc. codes_k1.nc are the static ones, codes_kK.nc the best of
-    several slots, recommended or not, and burst.nc those of the burst of two frames.
+    several slots, recommended or not, and burst.nc those of the burst of frames.
 
     Args:
         scenes: cubes or rendered scenes to design for, two at least to judge the gain; the rendered ones without any.
