@@ -15,7 +15,8 @@ from tmca.errors import SettingError
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("relaxed", [False, True])
 def test_descent_lowers_the_error_of_binary_codes(kind, relaxed):
-    camera, error = designed(kind, 1 if kind == "static" else 3, (3, 4)), tile_error()
+    period = (4, 6) if kind == "burst" else (3, 4)  # a mask for each frame alone leaves little to find in 12 pixels
+    camera, error = designed(kind, 1 if kind == "static" else 3, period), tile_error()
     before = error.whole(camera)
     after = descend(camera, error, Descent(steps=30, relaxed=relaxed))
     assert after < before
