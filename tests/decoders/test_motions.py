@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from tests.decoders.test_moving import MOVED, error_db, smoother_scene, taken
-from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_object, moving_scenes
+from tests.decoders.test_moving import MOVED, error_db, light_field_that_moves, smoother_scene, taken
+from tmca.cameras import Snapshot, SpectralCamera, moving_object
 from tmca.cameras.frames import frame_taps
 from tmca.decoders import decode
 from tmca.decoders.motion_evidence import REST, Evidence, MotionPriors, Motions
@@ -87,11 +87,7 @@ def test_the_predicted_deviation_is_that_of_the_errors(prior):
 
 
 def test_a_light_field_that_moves():
-    scenes = [smoother_scene(40, 40, 9, seed).unflatten(0, (3, 3)).float() for seed in range(3)]
-    prior = GaussianPrior.learn([one.flatten(0, 1) for one in scenes], (9, 9), views=(3, 3))
-    camera = LightFieldCamera(3, (40, 40), 2, shutter="burst", buckets=2, sensor=Sensor(read_noise=0.001))
-    moved = moving_scenes(scenes[0][None], MOVED, 2)
-    snapshot = Snapshot(camera(moved, generator=0), camera)
+    snapshot, moved, prior = light_field_that_moves()
     _, every, mixed = estimates(snapshot, prior)
     assert mixed.shape == moved.shape
     assert error_db(mixed, moved) < error_db(every, moved) - 0.5

@@ -64,12 +64,17 @@ def test_the_predicted_deviation_is_that_of_the_errors(prior):
     assert 0.5 < float(ratio.sqrt()) < 1.2
 
 
-def test_a_light_field_that_moves():
+def light_field_that_moves():
+    """A snapshot, its frames, and a prior."""
     scenes = [smoother_scene(40, 40, 9, seed).unflatten(0, (3, 3)).float() for seed in range(3)]
     prior = GaussianPrior.learn([one.flatten(0, 1) for one in scenes], (9, 9), views=(3, 3))
     camera = LightFieldCamera(3, (40, 40), 2, shutter="burst", buckets=2, sensor=Sensor(read_noise=0.001))
     moved = moving_scenes(scenes[0][None], MOVED, 2)
-    snapshot = Snapshot(camera(moved, generator=0), camera)
+    return Snapshot(camera(moved, generator=0), camera), moved, prior
+
+
+def test_a_light_field_that_moves():
+    snapshot, moved, prior = light_field_that_moves()
     frames = decode(snapshot, "space-time-lmmse", prior=prior).values
     assert frames.shape == moved.shape
     assert error_db(frames, moved) < error_db(decode(snapshot, "lmmse", prior=prior).values[:, None], moved) - 1

@@ -63,8 +63,7 @@ class AdaptedEstimator:
         """The scenes (B, L, H, W) behind snapshots (B, 1, H, W'), each under priors of its own; their deviation too."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         parts = [self._adapted(one, uncertainty, report) for one, report in one_by_one(snapshot, progress)]
-        deviations = [part.deviation for part in parts if part.deviation is not None]
-        return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
+        return Blended.joined(parts)
 
     def _adapted(self, snapshot: Tensor, uncertainty: bool, progress: Report) -> Blended:
         priors, share = dict.fromkeys(self.tiling.tiles, self.prior), 1 / (self.iterations + 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
@@ -45,6 +45,12 @@ class Blended(NamedTuple):
     estimate: Tensor
     deviation: Tensor | None = None
     scatter: Tensor | None = None
+
+    @classmethod
+    def joined(cls, parts: Sequence[Blended]) -> Blended:
+        """Those of a batch, from its parts."""
+        deviations = [part.deviation for part in parts if part.deviation is not None]
+        return cls(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
 
 
 class PatchEstimator:
@@ -181,11 +187,11 @@ def solved_parts(
         yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
 
 
-def _few(groups: list[Places]) -> Iterator[list[int]]:
-    """Indices of groups, as many at once as have ``_AT_ONCE`` blocks or are one."""
+def few(groups: list[Places], most: int = _AT_ONCE) -> Iterator[list[int]]:
+    """Indices of groups, as many at once as have ``most`` blocks or are one."""
     some: list[int] = []
     for index, places in enumerate(groups):
-        if some and sum(len(groups[i]) for i in some) + len(places) > _AT_ONCE:
+        if some and sum(len(groups[i]) for i in some) + len(places) > most:
             yield some
             some = []
         some.append(index)
@@ -218,7 +224,7 @@ class Blend:
         """Lay groups whose blocks are solved, ``count`` in all, on the canvases."""
         grid, done = self.layout.grid, 0
         for part, posterior in parts:
-            for blocks in _few(part):
+            for blocks in few(part):
                 measured = [grid.snapshot_windows(self.snapshot, part[block]) for block in blocks]
                 flat = [one.flatten(0, 1) for one in measured]
                 every = posterior.moments(blocks, flat, self.canvases[1] is not None)

@@ -174,18 +174,12 @@ class Evidence:
                 before |= dict.fromkeys(motion.parts(), share)
                 tried |= {part: self.of(self.priors.solver(blur, part), here) + share for part in motion.parts()}
             every |= tried
-            parted = _most_telling(tried, known)
+            gains = {motion: float((one - known).clamp_min(0).nan_to_num().sum()) for motion, one in tried.items()}
             known = torch.maximum(known, torch.stack(list(tried.values())).amax(0))
+            best = sorted((motion for motion in tried if gains[motion] > 0), key=gains.__getitem__, reverse=True)
+            likely = {motion: tried[motion] > known - _BEHIND for motion in best[:_PARTED]}
+            parted = {motion: here for motion, here in likely.items() if here.any()}
         return every
-
-
-def _most_telling(tried: Mapping[Motions, Tensor], known: Tensor) -> dict[Motions, Tensor]:
-    """Motions that say most beyond what is known, and where (P,) they are among the likely ones."""
-    gains = {motion: float((one - known).clamp_min(0).nan_to_num().sum()) for motion, one in tried.items()}
-    best = sorted((motion for motion in tried if gains[motion] > 0), key=lambda motion: -gains[motion])[:_PARTED]
-    known = torch.maximum(known, torch.stack(list(tried.values())).amax(0))
-    likely = {motion: tried[motion] > known - _BEHIND for motion in best}
-    return {motion: here for motion, here in likely.items() if here.any()}
 
 
 class SolvedBlock(NamedTuple):

@@ -14,7 +14,7 @@ from torch import Tensor
 from tmca.cameras.frames import frame_taps
 from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Progress
-from tmca.decoders.lmmse import Blended, PatchEstimator, blend_window
+from tmca.decoders.lmmse import Blended, PatchEstimator, blend_window, few
 from tmca.decoders.motion_evidence import (
     BLURS,
     NEGLIGIBLE,
@@ -74,8 +74,7 @@ class MotionEstimator:
         """The frames (B, G·L, H, W) behind snapshots (B, R, H, W'), with their standard deviation if asked for."""
         check_shape("snapshot", snapshot, ("B", *self.taps.snapshot_shape))
         parts = [self._one(one, uncertainty, report) for one, report in one_by_one(snapshot, progress)]
-        deviations = [part.deviation for part in parts if part.deviation is not None]
-        return Blended(torch.cat([part.estimate for part in parts]), torch.cat(deviations) if deviations else None)
+        return Blended.joined(parts)
 
     @torch.no_grad()
     def _one(self, snapshot: Tensor, uncertainty: bool, progress: Progress) -> Blended:
@@ -139,13 +138,7 @@ class MotionEstimator:
     def _chunks(self) -> Iterator[list[Places]]:
         """Groups of blocks whose estimates are held together."""
         most = max(1, _MEMORY // (self.window.numel() * self.window.element_size()))
-        some: list[Places] = []
-        for group in self.layout.groups:
-            if some and sum(map(len, some)) + len(group) > most:
-                yield some
-                some = []
-            some.append(group)
-        yield some
+        return ([self.layout.groups[index] for index in some] for some in few(self.layout.groups, most))
 
     def _moving(
         self, snapshot: Tensor, groups: list[Places], moving: Shares, uncertainty: bool
