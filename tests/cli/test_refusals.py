@@ -72,7 +72,7 @@ REFUSED = {
         "--full-well 0": "leave it out",
         "--period 0": "leave it out",
         "--hardware wobble=1": "contrast_ratio",
-        "--hardware bucket_gain=0.1": "bucket_gain: found 0.1, expected none of a sensor with one bucket",
+        "--preset one-hot --hardware bucket_gain=0.1": "found 0.1, expected none of a sensor with one bucket",
         "--buckets 2 --hardware transfer=2": "0 to 1",
         "--hardware delay": "NAME=VALUE",
         "--hardware delay=1,delay=2": "NAME=VALUE",

@@ -1,27 +1,45 @@
 """The pages under docs/results are what is made of the numbers beside them, and show the pictures there."""
 
 import json
+from itertools import product
 from pathlib import Path
 
 import pytest
 
 from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.gains import margins
+from tmca.evaluation.overview import overview, overview_figure
 from tmca.evaluation.page import filled, markdown
 from tmca.evaluation.study import checked_study, read_study
 
 RESULTS = Path(__file__).parents[2] / "docs" / "results"
+STUDIES = ["spectral", "light-field", "spectral-depth", *(file.stem for file in sorted(RESULTS.glob("*.json")) if
+           file.stem.startswith(("buckets", "moving")))]  # fmt: skip
 
 
-@pytest.mark.parametrize("study", ["spectral", "light-field", "spectral-depth", "buckets"])
+@pytest.mark.parametrize("study", STUDIES)
 def test_a_shipped_page_tells_the_shipped_numbers(study):
     numbers = json.loads((RESULTS / f"{study}.json").read_text())
     page = markdown(numbers)
     assert page == (RESULTS / f"{study}.md").read_text()
-    assert numbers["pictures"] or study == "buckets"
-    for file in numbers["pictures"]:
+    assert bool(numbers["pictures"]) == (study in ("spectral", "light-field", "spectral-depth"))
+    for file in (*numbers["pictures"], f"{study}_glance.png"):
         assert f"]({file})" in page
         assert (RESULTS / file).exists()
+
+
+def test_at_a_glance_every_row_has_its_metric_and_its_gain_over_the_best_code_of_one_slot():
+    numbers = json.loads((RESULTS / "buckets.json").read_text())
+    study = checked_study(numbers["study"], "buckets")
+    figure = overview_figure(numbers, study)
+    (axis,) = figure.axes
+    gains, (section,) = axis.images[0].get_array(), overview(numbers, study)
+    psnr = {(row["code"], row["noise"]): row["psnr"] for row in numbers["rows"]}
+    for row, column in product(range(len(study.codes)), range(len(study.noises))):
+        code, noise = [*study.codes][row], [*study.noises][column]
+        best = max(psnr[name, noise] for name in ("static, random", "static, designed"))
+        assert gains[row, column] == pytest.approx(psnr[code, noise] - best)
+        assert section.table[row][noise] == psnr[code, noise]
 
 
 def test_entries_of_the_results_are_filled_in_and_other_braces_stay():

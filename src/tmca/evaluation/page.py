@@ -13,6 +13,7 @@ from tmca.data.scene_names import short_names
 from tmca.evaluation.camera import Place
 from tmca.evaluation.gains import WHO, gain_columns, level, multiplexed, over, parts_of
 from tmca.evaluation.grid import Measured
+from tmca.evaluation.overview import PICTURE, is_drawn, overview, overview_figure
 from tmca.evaluation.study import Study, checked_study
 from tmca.evaluation.tables import (
     MEASURED,
@@ -96,12 +97,14 @@ def slug(scene: str) -> str:
     return scene.strip("./").replace("/", "-").replace(":", "-")
 
 
-def write_pictures(study: Study, measured: Sequence[Measured], out: Path, overwrite: bool) -> None:
+def write_pictures(study: Study, found: Row, measured: Sequence[Measured], out: Path, overwrite: bool) -> None:
     """Draw the estimates of the first seed, scene by scene, and the study as a whole."""
     from tmca.plots.style import save_figure
 
     own = [cell for cell in measured if cell.get("seed", study.seed) == study.seed]
     figures = study.evaluation.study_figures(study, own)
+    if is_drawn(study):
+        figures = {**figures, PICTURE: overview_figure(found, study)}
     for name, figure in figures.items():
         save_figure(figure, out / f"{study.name}_{name}.png", overwrite=overwrite)
     pictured = [] if study.figure else [cell for cell in own if cell.get("estimate")]
@@ -172,6 +175,7 @@ def _words(value: Any) -> Any:
 
 def sections(found: Row, study: Study) -> Iterator[Section]:
     """Sections of the page that have rows."""
+    yield from overview(found, study)
     for noise in dict.fromkeys(row["noise"] for row in found["rows"]):
         yield _rows(f"{noise}", [row for row in found["rows"] if row["noise"] == noise], study)
     if crops := found.get("crop_rows"):

@@ -15,6 +15,7 @@ from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
 from tmca.evaluation.grid import CellsFailed, Grid, Measured, Settings
 from tmca.evaluation.outcome import StudyResults
+from tmca.evaluation.overview import PICTURE, is_drawn
 from tmca.evaluation.page import markdown, picture_names, results, write_pictures
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.study import Study, training_of
@@ -80,6 +81,7 @@ def run_study(
         raise SettingError("test", name, "other scenes", f"leave it out: {', '.join(always)} are measured anyway")
     names = short_names([*test, *always])
     files = [f"{study.name}{suffix}" for suffix in (".json", ".md", ".csv")]
+    files += [f"{study.name}_{PICTURE}.png"] if is_drawn(study) else []
     files += [*picture_names(study, names.values()), *paper_files(study, [*names.values()])]
     described = study.model_dump(mode="json")
     overwrite = check_resumed([out / name for name in files], overwrite, "study", described)
@@ -96,7 +98,7 @@ def run_study(
         found = results(study, measured, split, command, plan.places) | {"failed": grid.reasons()}
         rows = found["rows"]
         write_table(found, markdown(found), rows, plain_columns(rows), out / study.name, overwrite)
-        write_pictures(study, measured, out, overwrite)
+        write_pictures(study, found, measured, out, overwrite)
         merit = study.evaluation.metric
         found = StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit))
         write_paper(study, found, measured, out, overwrite)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tmca.plots.style import COLOURS, add_bar, bare, blank_figure, grid, panels, plain_axes
+from tmca.plots.style import COLOURS, SMALL, TITLE, add_bar, bare, blank_figure, grid, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,6 +93,8 @@ def _lines(axis: Axes, rows: Sequence[Mapping[str, Any]], axes: Sequence[str], m
         axis.legend(fontsize=8)
 
 
+_LETTERS = 12
+"""Of a line of a column's name."""
 Gain = tuple[int, float, float]
 """Slots K, gain over the static code in dB, and its standard deviation over the scenes."""
 
@@ -123,6 +126,36 @@ def gains_figure(surveyed: Mapping[str, Sequence[Gain]], title: str, chosen: tup
     if surveyed:
         figure.legend(fontsize=8, loc="outside lower center", ncols=min(len(surveyed) + 1, 3))
     plain_axes(axis, title, "slots K", "gain over the static code (dB)")
+    return figure
+
+
+def coloured_table(
+    rows: Sequence[str], columns: Sequence[str], values: np.ndarray, shades: np.ndarray, spec: str, title: str
+) -> Figure:
+    """Numbers in fields that are blue where the shade is above 0 and red below it.
+
+    Args:
+        rows, columns: their names.
+        values: (R, C) numbers, NaN where none is known.
+        shades: (R, C) of the colours.
+        spec: format of the numbers.
+        title: above them.
+    """
+    width, height = 0.6 + 0.085 * max(map(len, rows)) + 0.95 * len(columns), 0.9 + 0.27 * len(rows)
+    figure = blank_figure(width, height)
+    axis = figure.subplots()
+    most = max(float(np.nanmax(np.abs(shades), initial=0.0)), 1e-9)
+    axis.imshow(np.ma.masked_invalid(shades), cmap="RdBu", vmin=-1.3 * most, vmax=1.3 * most, aspect="auto")
+    for (row, column), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            axis.text(column, row, format(value, spec), ha="center", va="center", fontsize=SMALL)
+    wrapped = [textwrap.fill(name, _LETTERS) for name in columns]
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set_xticks(range(len(columns)), wrapped)
+    axis.xaxis.tick_top()
+    plain_axes(axis, "", "", "")
+    axis.tick_params(length=0)
+    axis.set_title(title, fontsize=TITLE, loc="right")
     return figure
 
 

@@ -48,6 +48,8 @@ class CameraSpec(Spec):
 class CodedSpec(CameraSpec):
     """Codes of a camera with an aperture and a shutter, and the exposure."""
 
+    usual = "two-bucket"
+
     slots: Slots = 8
     "Time slots K within the exposure; those of the patterns where a file is given."
     aperture: str = "random"
@@ -59,9 +61,9 @@ class CodedSpec(CameraSpec):
     buckets: Buckets = 1
     "Buckets of a sensor pixel: with 2, the light of closed slots is read too."
     preset: str | None = None
-    """Start from a named camera: thesis, one-hot (of the spectral camera where no option says what it shows),
-    two-bucket, burst (of two frames), and of the spectral camera cassi (static), of the light field clfp (static) and
-    quick. Other options replace its values."""
+    """Start from a named camera: two-bucket (where no option says what the camera shows), one-hot, thesis, burst (of
+    two frames), and of the spectral camera cassi (static), of the light field clfp (static) and quick. Other options
+    replace its values."""
     period: Pixels | None = None
     "Tile of the codes in pixels; full frame without it."
     seed: Seed = 0
@@ -82,7 +84,6 @@ class SpectralSpec(CodedSpec):
     """The spectral camera."""
 
     kind: ClassVar[str] = "spectral"
-    usual = "one-hot"
     sources: ClassVar[tuple[str, ...]] = (*CodedSpec.sources, "coloured")
 
     weights: str | None = None

@@ -1,0 +1,81 @@
+"""What a study of several noises says at a glance: one table and one picture of all rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tmca.applications.report import Section
+from tmca.evaluation.study import Study
+from tmca.evaluation.tables import Column, Row, columns_there, grouped
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURE = "glance"
+"""Ending of the picture's name."""
+_FEWEST = 3
+"""Codes of a study that a picture is worth drawing of."""
+
+
+def overview(found: Row, study: Study) -> Iterator[Section]:
+    """The metric by which codes are compared, a row for each code and decoder, a column for each noise; nothing of
+    studies of one noise."""
+    if len(study.noises) == 1 or not found["rows"]:
+        return
+    metric, heading, spec = _metric(study)
+    rows = [
+        {"code": code, "label": study.decoder_labels[decoder], **{row["noise"]: row[metric] for row in own}}
+        for (code, decoder), own in grouped(_known(found, study), "code", "decoder").items()
+    ]  # fmt: skip
+    columns: list[Column] = [("code", "code", ""), ("label", "decoder", "")]
+    columns += [(noise, noise, spec) for noise in study.noises]
+    said = [f"{heading}, means over scenes and seeds."]
+    if is_drawn(study):
+        said += [f"![{_caption(study)}]({study.name}_{PICTURE}.png)"]
+    yield Section("At a glance", said, rows, columns_there(columns, rows))
+
+
+def is_drawn(study: Study) -> bool:
+    """Whether a picture belongs to the table: of several codes and noises, and beside a page in Markdown."""
+    return len(study.noises) > 1 and len(study.codes) >= _FEWEST and not study.figure
+
+
+def overview_figure(found: Row, study: Study) -> Figure:
+    """The rows of `overview` with colours: what each gains over the best code of one slot behind the same decoder,
+    over the first one where none has a single slot."""
+    from tmca.plots.curves import coloured_table
+
+    metric, _, spec = _metric(study)
+    groups = grouped(_known(found, study), "code", "decoder")
+    values = np.full((len(groups), len(study.noises)), np.nan)
+    for values_of, own in zip(values, groups.values(), strict=True):
+        for row in own:
+            values_of[[*study.noises].index(row["noise"])] = row[metric]
+    gains = np.full_like(values, np.nan)
+    for decoder in dict.fromkeys(decoder for _, decoder in groups):
+        own = np.array([other == decoder for _, other in groups])
+        single = np.array([study.codes[code].one_slot for code, _ in groups]) & own
+        base = values[single] if single.any() else values[own][:1]
+        best = np.nanmax(base, 0) if metric == "psnr" else np.nanmin(base, 0)
+        gains[own] = values[own] - best if metric == "psnr" else 10 * np.log10(best / values[own])
+    several = len({decoder for _, decoder in groups}) > 1
+    names = [f"{code} + {study.decoder_labels[decoder]}" if several else code for code, decoder in groups]
+    return coloured_table(names, [*study.noises], values, gains, spec, _caption(study))
+
+
+def _caption(study: Study) -> str:
+    metric, heading, _ = _metric(study)
+    unit = "gain (dB)" if metric == "psnr" else f"−10 log₁₀ of the ratio of {heading.partition(' (')[0]}"
+    return f"{heading}; colours: {unit} over the best code of one slot"
+
+
+def _metric(study: Study) -> Column:
+    metric = study.evaluation.metric
+    return next(column for column in study.evaluation.columns if column[0] == metric)
+
+
+def _known(found: Row, study: Study) -> list[Row]:
+    return [row for row in found["rows"] if study.evaluation.metric in row]
