@@ -67,6 +67,25 @@ def test_a_design_leaves_masks_that_can_be_taken_along(capsys, tmp_path, prior):
     assert "earlier results" in refused(capsys, "design", "spectral-depth", "--prior", prior, *SMALL, "--out", "d")
 
 
+@pytest.mark.slow
+def test_masks_of_two_buckets_are_taken_along_to_an_estimate(capsys, tmp_path, prior):
+    (tmp_path / "sensor.yaml").write_text("buckets: 2\n")
+    how = ["--slots", "2", "--sensor", "sensor.yaml", "--out", "d"]
+    main(["design", "spectral-depth", "--prior", str(prior), *words(starts=1, steps=2), *how])
+    said = capsys.readouterr().out
+    assert "| readings of a pixel |" in said
+    assert "burst of two frames" in said
+    take = ["spectral-depth", "motorcycle", "--reduce", "8", "--crop", "40x44", "--no-figures"]
+    main(["simulate", *take, "--codes", "d/codes_k2_two_buckets.nc", "--out", "s.nc"])
+    waves = np.linspace(*WAVES, 8)
+    cube = rendered_scene("chelsea", wavelengths=waves, size=(60, 70))["radiance"].values
+    GaussianPrior.learn([torch.from_numpy(cube)], (34, 34), wavelengths=waves).save("p.nc")
+    main(["reconstruct", "s.nc", "--prior", "p.nc", "--window", "4", "--no-figures", "--out", "e.nc"])
+    with xr.open_dataset("s.nc") as taken, xr.open_dataset("e.nc") as estimate:
+        assert taken["snapshot"].sizes["bucket"] == 2
+        assert np.isfinite(estimate["depth"].values).all()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

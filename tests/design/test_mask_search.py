@@ -45,6 +45,42 @@ def test_slots_are_never_worse_than_the_static_mask_in_all_of_them(advice):
     assert advice.candidates[1].confusion <= alike * (1 + 1e-6)
 
 
+@pytest.fixture(scope="module")
+def of_two_buckets():
+    return search_masks(TASK, PRIOR, [2, 4], MaskEffort(1, 3), buckets=2)
+
+
+def test_two_buckets_are_searched_beside_one_and_the_burst_with_the_same_effort(of_two_buckets):
+    found, alone = of_two_buckets, search_masks(TASK, PRIOR, [2, 4], MaskEffort(1, 3))
+    assert [(own.slots, own.buckets) for own in found.finals] == [(1, 1), (2, 1), (4, 1), (2, 2), (4, 2), (2, 2)]
+    assert [own.confusion for own in found.candidates[:3]] == [own.confusion for own in alone.candidates]
+    assert {len(own.history) for own in found.finals} == {3}
+    assert all(own.confusion < float(confusion(own.random_covariance)) for own in found.finals)
+    assert alone.burst is None
+    assert search_masks(TASK, PRIOR, [1], MaskEffort(1, 1), buckets=2).finals[1:] == ()  # one mask fits
+
+
+def test_two_slots_of_two_buckets_read_what_the_burst_reads(of_two_buckets):
+    burst, two = of_two_buckets.burst, of_two_buckets.candidates[3]
+    orders = [own.camera.tile()[1] for own in (burst, two)]
+    assert not torch.equal(*orders)
+    assert two.alike
+    assert not of_two_buckets.candidates[4].alike
+    assert two.confusion == pytest.approx(burst.confusion, rel=1e-9)  # of windows that are worked out for each
+    scene, depth = torch.rand(1, 2, *two.camera.size), torch.full((1, 1, *two.camera.size), 0.8)
+    read = [own.camera.exact(scene, depth).detach() for own in (burst, two)]
+    torch.testing.assert_close(*(one.sort(1).values for one in read))
+
+
+def test_searched_shutters_of_two_buckets_are_no_worse_than_the_burst():
+    found = search_masks(replace(TASK, learn=("mask", "shutter")), PRIOR, [2], MaskEffort(1, 2), buckets=2)
+    two = found.candidates[-1]
+    assert two.confusion <= found.burst.confusion * (1 + 1e-9)
+    assert two.start in ("masks of the burst", "near the masks of the burst")
+    assert two.camera.shutter.learnable
+    assert not found.burst.camera.shutter.learnable
+
+
 def test_the_answer_may_be_a_static_mask(advice):
     static, more = advice.candidates
     assert not MaskAdvice((static, static)).multiplex
@@ -109,6 +145,8 @@ def test_a_judge_chooses_among_descents_and_random_masks():
         (lambda: replace(TASK, camera={**CAMERA, "planes": 2}), SettingError),
         (lambda: search_masks(TASK, PRIOR, [0]), SettingError),
         (lambda: search_masks(replace(TASK, learn=("shutter",)), PRIOR, [1], MaskEffort(1, 1)), SettingError),
+        (lambda: search_masks(TASK, PRIOR, [2], MaskEffort(1, 1), buckets=3), SettingError),
+        (lambda: search_masks(TASK.with_two_buckets(), PRIOR, [2], MaskEffort(1, 1), buckets=2), SettingError),
         (lambda: search_masks(TASK, prior_of((6, 6)), [1], MaskEffort(1, 1)), ShapeError),
     ],
 )  # fmt: skip

@@ -6,7 +6,7 @@ import pytest
 
 from tmca.design import MaskAdvice
 from tmca.design.advised import advice_lines, code_advice
-from tmca.design.mask_search import mask_advice
+from tmca.design.mask_advised import mask_advice
 from tmca.reports.codes import columns_of
 
 
@@ -72,11 +72,13 @@ def test_a_better_burst_is_the_second_line_and_names_two_buckets_where_none_were
     assert "--buckets" not in " ".join(both)
 
 
-def masks(*expected, errors=None):
-    candidates = tuple(Made(slots=k, expected=value, errors=errors) for k, value in enumerate(expected, 1))
-    best = candidates[-1]
-    return Made(candidates=candidates, static=candidates[0], best=best, multiplex=best.expected < 0.9 * expected[0],
-                saved=lambda candidate: 1 - candidate.expected / expected[0])  # fmt: skip
+def masks(*expected, errors=None, two=(), burst=None, alike=False):
+    def made(slots, buckets, value):
+        return Made(slots=slots, buckets=buckets, expected=value, errors=errors, alike=alike and buckets == 2)
+
+    candidates = [made(k, 1, value) for k, value in enumerate(expected, 1)]
+    candidates += [made(k, 2, value) for k, value in enumerate(two, 2)]
+    return MaskAdvice(tuple(candidates), None if burst is None else made(2, 2, burst))
 
 
 @pytest.mark.parametrize(
@@ -92,6 +94,30 @@ def test_masks_are_advised_with_what_they_save(advice, said):
     assert said in mask_advice(advice)
 
 
+@pytest.mark.parametrize(
+    ("advice", "said"),
+    [
+        (masks(1.0, 0.8, two=(0.7, 0.4), burst=0.7),
+         "Use 3 slots with two buckets: the predicted depth confusion is 60% below the best static mask's (1 bins). "
+         "A burst of two frames is 30% below it. "
+         "Two buckets leave 0.4 bins (K = 3), one 0.8 bins (K = 2): the second bucket saves 40% of the static "
+         "mask's error, worth it."),
+        (masks(1.0, 0.8, two=(0.4,), burst=0.4, alike=True), "These masks are a burst themselves"),
+        (masks(1.0, 0.5, two=(0.45,), burst=0.45),
+         "Use 2 slots: the predicted depth confusion is 50% below the best static mask's (1 bins). A burst of two "
+         "frames is 55% below it: as good where the scene stands still; take the masks if it moves. Two buckets leave "
+         "0.45 bins (K = 2), one 0.5 bins (K = 2): the second bucket saves 5% of the static mask's error, not "
+         "worth it."),
+        (masks(1.0, 0.5, two=(0.6,), burst=0.6), "the second bucket saves nothing."),
+        (masks(1.0, 0.8, two=(0.7,), burst=0.5), "50% below it: prefer it if the scene stands still"),
+        (masks(1.0, 1.2, two=(0.95,), burst=0.95), "confusion of K = 2, two buckets, the best with more slots"),
+        (masks(1.0, 1.2, two=(0.95,), burst=0.95), "take the static mask if it moves"),
+    ],
+)  # fmt: skip
+def test_masks_of_two_buckets_are_compared_with_one_bucket_and_with_the_burst(advice, said):
+    assert said in mask_advice(advice)
+
+
 def test_one_scene_has_no_columns_of_the_others():
     named = [[name for name, *_ in columns_of({"scenes": scenes})] for scenes in (["a"], ["a", "b"])]
     assert {*named[1]} - {*named[0]} == {"held_out_psnr", "spread"}
@@ -99,6 +125,8 @@ def test_one_scene_has_no_columns_of_the_others():
 
 
 def test_advice_about_masks_is_shown_by_its_sentences_and_as_a_table():
-    found = MaskAdvice(tuple(Made(slots=k, expected=e, errors=None) for k, e in ((1, 1.0), (4, 0.5))))
-    assert repr(found) == f"MaskAdvice\n  advice: {mask_advice(found)}\n  masks: K = 4"
-    assert found.to_pandas().to_dict("list") == {"slots": [1, 4], "expected": [1.0, 0.5], "saved": [0.0, 0.5]}
+    found = masks(1.0, 0.5)
+    assert repr(found) == f"MaskAdvice\n  advice: {mask_advice(found)}\n  masks: K = 2"
+    rows = {"slots": [1, 2], "buckets": [1, 1], "expected": [1.0, 0.5], "saved": [0.0, 0.5]}
+    assert found.to_pandas().to_dict("list") == rows
+    assert repr(masks(1.0, 0.8, two=(0.5,), burst=0.5)).endswith("masks: K = 2, two buckets")

@@ -134,20 +134,22 @@ def spectral_depth(
     """Recommend the number of slots and the phase masks that tell depths apart best, for a sensor and a bench.
 
     Writes into --out: design.html (start there), design.json, the recommended masks with shutter and filters as
-    codes.nc, those of every number of slots as codes_kK.nc, and pictures.
+    codes.nc, those of every number of slots as codes_kK.nc, and pictures. With --buckets 2 also those of two buckets,
+    codes_kK_two_buckets.nc, and of a burst of two frames, burst.nc.
 
     Args:
         scenes: cubes or rendered scenes whose patches the scenes to come are like; the rendered ones without any.
     """
     from tmca.design import MaskEffort
-    from tmca.reports.mask_page import COLUMNS
+    from tmca.design.mask_advised import mask_advice_lines
+    from tmca.reports.mask_page import columns_of
     from tmca.reports.masks import design_spectral_depth
 
     how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
     how |= {"bench": bench.arguments(), **run.how(sheet)}
     with progress_bar(f"design {run.out.name}") as progress:
-        _, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
-    _report(report, [report["advice"]], report["designs"], COLUMNS, run)
+        advice, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
+    _report(report, mask_advice_lines(advice), report["designs"], columns_of(report), run)
 
 
 def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how: Any) -> None:

@@ -6,7 +6,8 @@ from tmca.design.checks import check_search, check_size
 from tmca.design.expected_error import BlockMse, MixtureMse, TileMse, design_model
 from tmca.design.flips import flip_greedily
 from tmca.design.kinds import KINDS, designable, hold_throughput, throughput_of
-from tmca.design.mask_search import MaskAdvice, MaskCandidate, MaskEffort, MaskTask, search_masks
+from tmca.design.mask_advised import MaskAdvice, MaskCandidate
+from tmca.design.mask_search import MaskEffort, MaskTask, search_masks
 from tmca.design.measures import CodeMeasures, measures
 from tmca.design.search import QUICK, SURVEY, Descent, Design, Effort, Progress, decibels, descend, search
 from tmca.design.sheet import SensorSheet

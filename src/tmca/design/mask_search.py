@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
+from tmca.codes import BURST
+from tmca.design.mask_advised import MaskAdvice, MaskCandidate
 from tmca.design.search import Parts, Progress
 from tmca.design.spectral_depth import confusion, depth_information, design_masks, window_covariance
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
-from tmca.summaries import Summary
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SEARCHED = ("zernike", "free-form", "rotational")
 """Families of masks with random starts."""
@@ -31,8 +29,8 @@ _OWN, _RMS = 0.05, 0.1e-6
 """Share of variance that slots have of their own when they start from one mask; height of random masks, metres."""
 _JUDGING = 0.3
 """Share of the time, as a rule, in which designs are judged."""
-WORTH = 0.1
-"""Share of the static mask's error that more slots have to save."""
+_READINGS = 2.5
+"""Steps of one reading a pixel that take as long as a step of two."""
 Judge = Callable[[SpectralDepthCamera], float]
 """From a camera to an error of depth, in bins."""
 
@@ -113,125 +111,29 @@ class MaskTask:
         if self.stroke is not None and self.rms is not None:
             self.stroke.check(heights.profile(), "heights of random masks")
         shutter = "open" if slots == 1 else self.shutter
-        learnable = [part for part in self.learn if part != "shutter" or shutter != "open"]
+        learnable = [part for part in self.learn if part != "shutter" or shutter not in ("open", BURST)]
         return SpectralDepthCamera(
             **{**self.camera, "size": SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
             seed=self.seed, learnable=learnable,
         )  # fmt: skip
+
+    def with_two_buckets(self, shutter: str = "balanced") -> MaskTask:
+        """The same for pixels with two buckets; their shutter is balanced, or that of a burst of frames."""
+        return replace(self, camera={**self.camera, "buckets": 2}, shutter=shutter)
 
     @torch.no_grad()
     def covariance(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
         """(D, n, n) of ``window_covariance``."""
         return window_covariance(camera, prior, self.window)
 
+    def is_burst(self, slots: int) -> bool:
+        """Whether two buckets with so many slots read what a burst reads: a slot each, in an order that is fixed."""
+        return slots == 2 and "shutter" not in self.learn
+
     @torch.no_grad()
     def information(self, camera: SpectralDepthCamera, prior: GaussianPrior) -> Tensor:
         """(D,) of ``depth_information``."""
         return depth_information(camera, prior, self.window)
-
-
-@dataclass(frozen=True)
-class MaskCandidate:
-    """The best masks for a number of slots.
-
-    Args:
-        camera: that shows them.
-        covariance: (D, n, n) of windows at every plane.
-        information: (D,) of ``depth_information``.
-        random_covariance, random_information: the same of the first random masks.
-        start: where their descent began.
-        seconds: CPU time of the search.
-        history: confusion after every step of that descent.
-        errors: in bins, by a judge, of these masks and of the random ones; None without a judge.
-    """
-
-    camera: SpectralDepthCamera
-    covariance: Tensor = field(repr=False)
-    information: Tensor = field(repr=False)
-    random_covariance: Tensor = field(repr=False)
-    random_information: Tensor = field(repr=False)
-    start: str
-    seconds: float
-    history: tuple[float, ...] = field(repr=False)
-    errors: tuple[float, float] | None = None
-
-    @property
-    def slots(self) -> int:
-        """K."""
-        return self.camera.slots
-
-    @property
-    def confusion(self) -> float:
-        """Bound on the mean error, bins."""
-        return float(confusion(self.covariance))
-
-    @property
-    def expected(self) -> float:
-        """What designs are ordered by, in bins: the judge's error, or the confusion."""
-        return self.confusion if self.errors is None else self.errors[0]
-
-
-@dataclass(frozen=True, repr=False)
-class MaskAdvice(Summary):
-    """The best masks for each number of slots, and which of them to take.
-
-    Args:
-        candidates: the static one first.
-    """
-
-    candidates: tuple[MaskCandidate, ...]
-
-    @property
-    def static(self) -> MaskCandidate:
-        """The best static mask."""
-        return self.candidates[0]
-
-    def saved(self, candidate: MaskCandidate) -> float:
-        """Share of the static mask's error that is saved."""
-        return 1 - candidate.expected / max(self.static.expected, 1e-30)
-
-    @property
-    def best(self) -> MaskCandidate:
-        """The fewest slots that save as much of the static mask's error as any, but for ``WORTH`` of it."""
-        most = max(map(self.saved, self.candidates))
-        return next(c for c in self.candidates if self.saved(c) > most - WORTH or self.saved(c) == most)
-
-    @property
-    def multiplex(self) -> bool:
-        """Whether more than one slot is worth it."""
-        return self.best is not self.static
-
-    def to_pandas(self) -> pd.DataFrame:
-        """A row for every number of slots: expected error in bins, and the share of the static mask's that is saved."""
-        import pandas as pd
-
-        rows = [{"slots": c.slots, "expected": c.expected, "saved": self.saved(c)} for c in self.candidates]
-        return pd.DataFrame(rows)
-
-    _uncut = ("advice",)
-
-    def _facts(self) -> dict[str, str]:
-        return {"advice": mask_advice(self), "masks": f"K = {self.best.slots}"}
-
-
-def mask_advice(advice: MaskAdvice) -> str:
-    """Slots to use, and how much less error or confusion they leave."""
-    static = f"the best static mask's ({advice.static.expected:.3g} bins)"
-    what = "predicted depth confusion" if advice.static.errors is None else "depth error on the example scenes"
-    if len(advice.candidates) == 1:
-        return "One slot is all that was tried or fits the exposure: take the static mask."
-    if advice.multiplex:
-        return f"Use {advice.best.slots} slots: the {what} is {_compared(advice, advice.best)} {static}."
-    top = max(advice.candidates[1:], key=advice.saved)
-    return (
-        f"A static mask is enough: the {what} of K = {top.slots}, the best with more slots, "
-        f"is {_compared(advice, top)} {static}; {WORTH:.0%} less would be worth it."
-    )
-
-
-def _compared(advice: MaskAdvice, candidate: MaskCandidate) -> str:
-    change = advice.saved(candidate)
-    return f"{abs(change):.0%} {'below' if change >= 0 else 'above'}"
 
 
 def search_masks(
@@ -241,8 +143,13 @@ def search_masks(
     effort: MaskEffort | None = None,
     progress: Progress | None = None,
     judge: Judge | None = None,
+    buckets: int = 1,
 ) -> MaskAdvice:
     """Search masks for one slot and for every number of slots, with the same effort.
+
+    For pixels with two buckets also masks beside a balanced shutter, for every number of several slots, and those of a
+    burst of two frames, their rival. Two slots beside two buckets read what the burst reads, a frame in either bucket:
+    its masks are theirs, or where shutters are searched their last descent begins from them.
 
     Descents go down the confusion. Which of them is taken, if not random masks, and which number of slots, is for the
     judge, who may know what the prior does not.
@@ -254,18 +161,34 @@ def search_masks(
         effort: starts and steps.
         progress: called with the share that is done and what is done.
         judge: how wrong depth is behind a camera; the confusion without.
+        buckets: of the sensor's pixels, 1 or 2.
 
     Raises:
-        SettingError: no slots, or what ``MaskTask`` and ``design_masks`` refuse.
+        SettingError: no slots, other buckets, a task of two where they are compared with one, or what ``MaskTask`` and
+            ``design_masks`` refuse.
         ShapeError: a prior that does not fit.
     """
-    counts = sorted({1, *slots})
-    check_range("slots", counts[0], 1)
-    search, part = _Search(task, prior, effort or MaskEffort(), judge), Parts(progress, [1.0] * len(counts))
-    candidates = [search(1, None, part("masks, K = 1"))]
-    for count in counts[1:]:
-        candidates.append(search(count, candidates[0], part(f"masks, K = {count}")))
-    return MaskAdvice(tuple(candidates))
+    one, *more = sorted({1, *slots})
+    check_range("slots", one, 1)
+    check_range("buckets", buckets, 1, 2)
+    if buckets == 2 and task.camera.get("buckets", 1) != 1:
+        raise SettingError("buckets", "2 beside a task of two buckets", "a task of one bucket")
+    search, twice = _Search(task, prior, effort or MaskEffort(), judge), more if buckets == 2 else []
+    searched = [k for k in twice if not task.is_burst(k)]
+    part = Parts(progress, [1.0] * (1 + len(more)) + [_READINGS] * (bool(twice) + len(searched)))
+    static = search(1, None, part("masks, K = 1"))
+    candidates = [static, *(search(k, static, part(f"masks, K = {k}")) for k in more)]
+    if not twice:
+        return MaskAdvice(tuple(candidates))
+    burst = replace(search, task=task.with_two_buckets(BURST))(2, static, part("masks, burst of two frames"))
+    search = replace(search, task=task.with_two_buckets())
+    for k in twice:
+        if k in searched:
+            begun = burst if k == 2 else static
+            candidates.append(search(k, begun, part(f"masks, two buckets, K = {k}")))
+        else:
+            candidates.append(search.showing(burst))
+    return MaskAdvice(tuple(candidates), burst)
 
 
 @dataclass(frozen=True)
@@ -283,21 +206,22 @@ class _Run:
 
 @dataclass(frozen=True)
 class _Search:
-    """The same for every number of slots; see ``search_masks``."""
+    """The same for every number of slots and buckets; see ``search_masks``."""
 
     task: MaskTask
     prior: GaussianPrior
     effort: MaskEffort
     judge: Judge | None
 
-    def __call__(self, slots: int, static: MaskCandidate | None, progress: Callable[[float], None]) -> MaskCandidate:
-        """The best of all descents; for a judge random masks are good enough, too."""
+    def __call__(self, slots: int, within: MaskCandidate | None, progress: Callable[[float], None]) -> MaskCandidate:
+        """The best of all descents, and of the masks that it contains, which are ``within``; for a judge random masks
+        are good enough, too."""
         begun, random, errors = time.process_time(), self.task.camera_of(slots), None
         drawn = self.task.covariance(random, self.prior)
-        starts, designs = self.effort.starts, self.effort.starts + 1 + (static is not None)
+        starts, designs = self.effort.starts, self.effort.starts + 1 + (within is not None)
         judging = [] if self.judge is None else [_JUDGING / designs] * designs
         part = Parts(lambda share, _: progress(share), [(1 - _JUDGING) / starts] * starts + judging)
-        runs = self._descents(slots, static, part)
+        runs = self._descents(slots, within, part)
         best = min(runs, key=lambda run: run.confusion)
         if self.judge is not None:
             runs.append(_Run(random, "random, as drawn", (float(confusion(drawn)),)))
@@ -312,19 +236,27 @@ class _Search:
             best.camera, covariance, designed, drawn, others, best.start, seconds, best.history, errors
         )
 
-    def _descents(self, slots: int, static: MaskCandidate | None, part: Parts) -> list[_Run]:
-        """One from every start, and the static mask in all slots as it is."""
+    def showing(self, burst: MaskCandidate) -> MaskCandidate:
+        """The masks of a burst beside two buckets of as many slots, in which a snapshot has the same readings."""
+        camera = self.task.camera_of(burst.slots)
+        _contain(camera, burst.camera)
+        covariance = self.task.covariance(camera, self.prior)
+        return replace(burst, camera=camera, covariance=covariance, start="masks of the burst", seconds=0.0)
+
+    def _descents(self, slots: int, within: MaskCandidate | None, part: Parts) -> list[_Run]:
+        """One from every start, and the masks that it contains as they are."""
         runs: list[_Run] = []
+        contained = "static mask in all slots" if within is None or within.slots == 1 else "masks of the burst"
         for number in range(self.effort.starts):
             camera, start = self.task.camera_of(slots, number), f"random {number + 1}"
             last = number == self.effort.starts - 1
-            if last and static is not None:
+            if last and within is not None:
                 alike = self.task.camera_of(slots, number)
-                _contain(alike, static.camera)
+                _contain(alike, within.camera)
                 value = float(confusion(self.task.covariance(alike, self.prior)))
-                runs.append(_Run(alike, "static mask in all slots", (value,)))
-                _contain(camera, static.camera, _OWN)
-                start = "near the static mask in all slots"
+                runs.append(_Run(alike, contained, (value,)))
+                _contain(camera, within.camera, _OWN)
+                start = f"near the {contained}"
             elif last and runs:
                 _contain(camera, min(runs, key=lambda run: run.confusion).camera)
                 start = "best so far"
@@ -334,10 +266,11 @@ class _Search:
 
 
 def _contain(camera: SpectralDepthCamera, source: SpectralDepthCamera, rest: float = 0.0) -> None:
-    """Show the masks and filters of another camera of one slot, or as many, but for a share of the maps' variance."""
+    """Show the masks and filters of another camera of one slot, or as many, but for a share of the maps' variance; the
+    shutter, too, where both have as many slots and one of a family."""
     maps, start = camera.point_spread.heights, source.point_spread.heights.metres()
     with torch.no_grad():
         getattr(maps, maps.name).mul_(rest**0.5).add_((1 - rest) ** 0.5 * start / maps.unit)
     camera.filters.load_state_dict(source.filters.state_dict())
-    if camera.slots == source.slots:
+    if camera.slots == source.slots and camera.shutter.family == source.shutter.family:
         camera.shutter.load_state_dict(source.shutter.state_dict())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -168,7 +169,7 @@ def fisher_figure(information: Mapping[str, tuple[np.ndarray, np.ndarray]], metr
     """
     figure, inverse = blank_figure(6.4, 3.8), 1 / metres
     axis = figure.add_subplot()
-    for colour, (design, both) in zip(COLOURS, information.items(), strict=False):
+    for colour, (design, both) in zip(cycle(COLOURS), information.items(), strict=False):
         for values, style, name in zip(both, ("--", "-"), ("random", "designed"), strict=True):
             look: dict[str, Any] = {"marker": "o", "markersize": 3, "linewidth": 1.3, "color": colour}
             axis.plot(inverse, values, style, label=f"{design}, {name}", **look)
@@ -177,7 +178,7 @@ def fisher_figure(information: Mapping[str, tuple[np.ndarray, np.ndarray]], metr
     top.set_xticks(inverse.tolist(), [f"{z:.2g}" for z in metres], fontsize=7)
     top.set_xlabel("depth (m)", fontsize=8)
     plain_axes(axis, "", "inverse depth (1/m)", "Fisher information of a window (m²)")
-    figure.legend(fontsize=8, loc="outside lower center", ncols=len(information))
+    figure.legend(fontsize=8, loc="outside lower center", ncols=min(3, len(information)))
     return figure
 
 

@@ -59,7 +59,8 @@ def design_spectral_depth(
     Args:
         sheet: sensor and modulator.
         out: folder of ``design.json``, ``design.html``, ``fisher.png``, ``distances.png``, and for every number of
-            slots K ``codes_kK.nc``, ``masks_kK.png`` and ``psf_kK.png``; ``codes.nc`` are the recommended ones.
+            slots K ``codes_kK.nc``, ``masks_kK.png`` and ``psf_kK.png``; for a sheet of two buckets also
+            ``codes_kK_two_buckets.nc`` and ``burst.nc``, and their pictures; ``codes.nc`` are the recommended ones.
         scenes: cubes or rendered scenes that the prior is learned from; the rendered training scenes without any.
         prior: a stationary Gaussian prior of the searched bands, or its file, instead of scenes.
         preset: name of the camera that the other arguments change.
@@ -68,7 +69,7 @@ def design_spectral_depth(
         camera: arguments of ``SpectralDepthCamera`` to replace: ``depth``, ``planes``, ``period``, and ``filters`` and
             ``channels`` by name, which are clear and monochrome without.
         slots: numbers of slots to try; those of ``SLOTS`` that fit the exposure without. One slot is always tried.
-        shutter: family of the shutter beside several slots.
+        shutter: family of the shutter beside several slots and one bucket; two buckets have a balanced one.
         mask, rms, modes, learn, window: see ``MaskTask``.
         stroke: largest height range of the device, metres; any without.
         levels: heights that it can show; any without.
@@ -90,7 +91,7 @@ def design_spectral_depth(
             pixels.
     """
     counts = _counts(sheet, slots)
-    check_new((out / name for name in design_files(counts)), overwrite)
+    check_new((out / name for name in design_files(counts, sheet.buckets)), overwrite)
     settings = _camera(preset, bands, {**(camera or {}), "sensor": sheet.sensor()})
     searched = changed_bench(SpectralDepthCamera.preset(preset)["bench"], bench or {})
     task = MaskTask(searched, settings, shutter, mask, rms, _stroke(stroke, levels), learn, window, seed, modes)
@@ -108,7 +109,9 @@ def design_spectral_depth(
         cubes = list(scenes_read.values())
     learned = _prior(scenes, prior, cubes, task, lambda share, step: progress(0.1 + 0.2 * share, step))
     judge = judge_on(cubes, learned, window)
-    advice = search_masks(task, learned, counts, effort, lambda share, step: progress(0.3 + 0.68 * share, step), judge)
+    advice = search_masks(
+        task, learned, counts, effort, lambda share, step: progress(0.3 + 0.68 * share, step), judge, sheet.buckets
+    )
     record = described(advice, task, effort, learned, {"preset": preset, "sensor": asdict(sheet)}, command)
     write_design(advice, record, out, overwrite)
     check_mask(advice.best.camera.point_spread)
@@ -116,10 +119,6 @@ def design_spectral_depth(
 
 
 def _counts(sheet: SensorSheet, slots: Sequence[int] | None) -> list[int]:
-    if sheet.buckets > 1:
-        remedy = "design spectral or light-field codes, or leave the second bucket out"
-        found = f"{sheet.buckets} beside phase masks"
-        raise SettingError("buckets", found, "1, no masks are searched for more", remedy)
     most = sheet.most_slots
     asked = [k for k in SLOTS if most is None or k <= most] if slots is None else list(slots)
     return sorted({1, *sheet.allowed(asked)})

@@ -72,7 +72,8 @@ class MaskSearchSpec(Spec):
     slots: Wholes | None = None
     "Numbers of slots to try, separated by commas; 1 is always tried. [default: those of 1, 2, 4 that fit the exposure]"
     shutter: str = "one-hot"
-    "Beside several slots: one-hot, random, open, complementary or blue-noise; with one slot it is open."
+    """Beside several slots: one-hot, random, open, complementary or blue-noise; with one slot it is open, with two
+    buckets balanced."""
     mask: str = "zernike"
     "Family of the masks: zernike, free-form or rotational."
     rms_nm: float | None = None
