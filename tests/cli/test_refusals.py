@@ -177,7 +177,6 @@ REFUSED = {
         "--preset huge": "quick",
         "--aperture 0": "--aperture: found 0",
         "--exposure 0.01 --pattern-rate 300 --slots 8": "at most 3",
-        "--buckets 2": "buckets: found 2 beside phase masks",
     },
     "sweep spectral coffee --out s": {
         "--vary height_error=0.1": "height_error",
