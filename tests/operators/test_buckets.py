@@ -17,6 +17,7 @@ CAMERAS = {
     "dual disperser": lambda **more: SpectralCamera(2, (4, 6), slots=3, disperser="dual", **more),
     "relay blur": lambda **more: SpectralCamera(2, (6, 7), slots=2, relay_blur=0.7, **more),
     "narrow sensor": lambda **more: SpectralCamera(3, (5, 7), slots=4, beside=(1, 0), **more),
+    "pixel shutter alone": lambda **more: SpectralCamera(1, (5, 6), slots=4, **{"aperture": "open", **more}),
     "light field": lambda **more: LightFieldCamera(3, (6, 7), slots=3, **more),
     "sheared light field": lambda **more: LightFieldCamera(3, (5, 6), slots=4, shear=0.4, **more),
     "spectral-depth": lambda **more: SpectralDepthCamera(
