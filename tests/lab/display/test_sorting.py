@@ -57,7 +57,7 @@ def test_a_bit_says_which_of_two_buckets(tmp_path):
 
 
 def test_a_tile_that_a_sensor_holds_is_shown_all_over(tmp_path):
-    export(tmp_path, spectral(buckets=2, period=4), device_named(TWO, tile=(4, 4)))
+    export(tmp_path, spectral(buckets=2, period=4), "dli4120", f"{TWO}-tile")
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_a_tile_that_a_sensor_holds_is_shown_all_over(tmp_path):
         ({"buckets": 2, "shutter": sorted_codes(2, drained=True)}, device_named(TWO), "in no bucket.*has no drain"),
         ({"buckets": 2}, device_named(TWO, pattern_rate_hz=20), "20 at most"),
         ({"buckets": 2}, device_named(TWO, memory_patterns=2), "2 at most in its memory"),
-        ({"buckets": 2}, device_named(TWO, tile=(4, 4)), "does not repeat.*tiles of 4×4 pixels.*--period 4x4"),
+        ({"buckets": 2}, device_named(f"{TWO}-tile"), "does not repeat.*tiles of 4×4 pixels.*--period 4x4"),
     ],
 )  # fmt: skip
 def test_what_a_sensor_cannot_do_leaves_nothing(tmp_path, settings, device, words):

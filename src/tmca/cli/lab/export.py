@@ -41,7 +41,8 @@ def export(
 
     Args:
         source: codes.nc, the folder of a run, weights, a snapshot file, or default: the codes that come with tmca.
-        device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket, emulated-shutter, or a YAML file
+        device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket,
+            coded-exposure-two-bucket-tile, emulated-shutter, or a YAML file
             (docs/devices.md); one for each plane of the codes that is shown.
         out: folder.
         exposure: of all slots together, seconds; that of `tmca design --exposure` without, else 0.1.
