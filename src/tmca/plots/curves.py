@@ -94,8 +94,8 @@ def _lines(axis: Axes, rows: Sequence[Mapping[str, Any]], axes: Sequence[str], m
         axis.legend(fontsize=8)
 
 
-_LETTERS = 12
-"""Of a line of a column's name."""
+_LETTERS, _LETTERS_AN_INCH = 12, 11
+"""Of a line of a column's name, and of titles."""
 Gain = tuple[int, float, float]
 """Slots K, gain over the static code in dB, and its standard deviation over the scenes."""
 
@@ -156,7 +156,7 @@ def coloured_table(
     axis.xaxis.tick_top()
     plain_axes(axis, "", "", "")
     axis.tick_params(length=0)
-    axis.set_title(title, fontsize=TITLE, loc="right")
+    figure.suptitle(textwrap.fill(title, int(_LETTERS_AN_INCH * width)), fontsize=TITLE)
     return figure
 
 
