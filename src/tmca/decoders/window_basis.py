@@ -19,7 +19,7 @@ FAINT = 0.003
 LEFT_OUT = 2e-5
 """Squares of estimates that are left out, over their predicted squared error, at the largest gain.
 
-With both, scenes unlike the prior lose less than 0.01 dB and a thousandth of their depth error, too."""
+With both, scenes unlike the prior lose less than 0.01 dB, too."""
 _SINGLE = 1e-6
 """Variance of the noise over the second moment of a pixel below which single precision would count."""
 
