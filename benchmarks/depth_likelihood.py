@@ -17,7 +17,8 @@ from tmca.applications import simulate
 from tmca.applications.spectral_depth import reading_range
 from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
-from tmca.data.depth_scenes import depth_tensor, load_any_depth_scene, middle_of
+from tmca.data.depth_scenes import load_any_depth_scene, middle_of
+from tmca.data.in_memory import as_tensors
 from tmca.data.scene_names import named_scenes
 from tmca.decoders import PatchLikelihood
 from tmca.decoders.likelihood import DepthPosterior
@@ -59,8 +60,8 @@ def taken(camera: SpectralDepthCamera, scenes: tuple[str, ...]) -> Iterator[tupl
     for name in scenes:
         scene = load_any_depth_scene(name, **reading_range(camera), side=256, placed="random", from_rgb=True)
         scene = middle_of(scene, SIZE, name)
-        cube = torch.from_numpy(scene["radiance"].values.copy())[None]
-        yield simulate(scene, camera).values, depth_tensor(scene), cube
+        cube, depth = as_tensors(scene)
+        yield simulate(scene, camera).values, depth, cube
 
 
 def main() -> None:

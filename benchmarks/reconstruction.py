@@ -138,7 +138,8 @@ also loads what was learned and factors what depends on the camera alone; the *n
 a series costs; × floor is the next frame over the floor of the same process. *Peak* is all that the process held
 while it decoded, interpreter and libraries (0.4 GB) included. Networks have random weights: they are as fast as
 trained ones of their size. Every decoder is as in `tmca reconstruct`, standard deviations included where it gives
-them; the time of pictures and files is not in the table. Iterative decoders stop by themselves, sooner or later with
+them; *prepared* ones compute before the first frame what all frames have in common. The time of pictures and files is
+not in the table. Iterative decoders stop by themselves, sooner or later with
 the scene: here coffee, with read noise of 0.01. The spectral camera has random codes over the whole frame, K = 8, the
 light field's tiles of 16 pixels, K = 8, the spectral-depth camera the thesis' masks, K = 4; TSA-Net's has one mask
 and no shutter, the pixel shutter opens every pixel once."""

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.data import rendered_light_field, rendered_scene, split_rendered_light_fields
-from tmca.data.depth_scenes import depth_tensor
+from tmca.data.in_memory import as_tensors
 from tmca.decoders import (
     DECODERS,
     PatchLikelihood,
@@ -25,6 +25,7 @@ from tmca.decoders import (
     build_network,
     decode,
     decoders_for,
+    make_decoder,
 )
 from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
@@ -60,6 +61,7 @@ _SPECTRAL_NETWORKS = {
     "network, U-Net from dagger": {"kind": "unet", "start": "dagger"},
 }
 _EXPORTED = "network, unrolled from dagger"
+_PREPARED = ", prepared"
 Frame = Callable[[Tensor], object]
 """Decodes a snapshot."""
 
@@ -142,7 +144,7 @@ def _spectral_depth(kind: str, size: tuple[int, int], bands: int) -> tuple[Spect
     waves = tuple(np.linspace(440e-9, 680e-9, bands).tolist())
     camera = SpectralDepthCamera.from_preset("thesis", bands=waves, size=size, sensor=Sensor(read_noise=NOISE))
     scene = rendered_scene("coffee", wavelengths=waves, size=_PHOTOGRAPH)
-    depth = _within(depth_tensor(scene), camera.planes)
+    depth = _within(as_tensors(scene)[1], camera.planes)
     return camera, (_laid(scene["radiance"].values, size), _laid(depth[0].numpy(), size))
 
 
@@ -188,11 +190,15 @@ def _export(case: Case, format: str) -> None:
 def decoders(kind: str) -> list[str]:
     """Names of the decoders of a camera."""
     if kind == "spectral-depth":
-        return ["likelihood", *(f"network, two-headed from {start}" for start in DEPTH_STARTS)]
+        return [
+            "likelihood",
+            f"likelihood{_PREPARED}",
+            *(f"network, two-headed from {start}" for start in DEPTH_STARTS),
+        ]
     if kind == "pixel shutter":
         return list(decoders_for("spectral", moving=True))
     plain = [name for name in decoders_for("light-field" if kind == "light field" else "spectral") if name != "network"]
-    plain.insert(1, "lmmse --no-uncertainty")
+    plain[1:1] = ["lmmse --no-uncertainty", f"lmmse{_PREPARED}"]
     if kind == "light field":
         return [*plain, *(f"network, {name}" for name in NETWORKS)]
     return [*plain, *_SPECTRAL_NETWORKS, *(f"{_EXPORTED}, {name} export" for name in FORMATS)]
@@ -200,6 +206,8 @@ def decoders(kind: str) -> list[str]:
 
 def decoder_of(case: Case, name: str) -> Frame:
     """What turns a frame into the scene, made of what was learned."""
+    if name.endswith(_PREPARED):
+        return _prepared(case, name.removesuffix(_PREPARED))
     if case.kind == "spectral-depth":
         return _depth_decoder(case, name)
     if case.kind == "pixel shutter":
@@ -217,6 +225,12 @@ def decoder_of(case: Case, name: str) -> Frame:
     elif cls.prior_kind is not None:
         how["prior"] = _prior(case, cls.prior_kind == "mixture")
     return lambda values: decode(Snapshot(values, case.camera), method, **how)
+
+
+def _prepared(case: Case, name: str) -> Frame:
+    """A decoder that computed before the first frame what all frames have in common."""
+    decoder = make_decoder(name, case.camera.kind, {"uncertainty": True} if DECODERS[name].deviation else {})
+    return decoder.prepare(case.camera, _prior(case, False))
 
 
 def _prior(case: Case, mixture: bool) -> Any:
@@ -268,6 +282,7 @@ def _exported(case: Case, format: str) -> Frame:
 
 def needed(kind: str, name: str) -> str | None:
     """The preparation that a decoder builds on."""
+    name = name.removesuffix(_PREPARED)
     if name.endswith(" export"):
         return f"export {name.removesuffix(' export').rpartition(', ')[2]}"
     first = name.partition(" ")[0]

@@ -1,5 +1,7 @@
 """Every command of README and tour runs, on smaller scenes and with fewer steps; as written with TMCA_WHOLE_TOUR=1."""
 
+import ast
+import importlib
 import os
 import re
 import shlex
@@ -138,6 +140,15 @@ def test_the_benchmarks_run(camera, tmp_path):
     done = run([sys.executable, str(ROOT / "benchmarks" / f"{camera}.py"), "--repeats", "1", "--json"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "ratios" in done.stdout
+
+
+def test_benchmarks_import_what_is_there():
+    for file in sorted((ROOT / "benchmarks").glob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tmca"):
+                module = importlib.import_module(node.module)
+                missing = [name.name for name in node.names if not hasattr(module, name.name)]
+                assert not missing, (file.name, node.module, missing)
 
 
 def test_links_lead_somewhere():

@@ -7,9 +7,10 @@ import torch
 from scipy.stats import multivariate_normal
 
 from tests.operators.test_window_moments import BENCH, camera, matrix, parts, prior_of
-from tmca.cameras import SpectralDepthCamera
-from tmca.decoders import PatchLikelihood
+from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.decoders import PatchLikelihood, decode, make_decoder
 from tmca.decoders.likelihood import DepthPosterior
+from tmca.errors import SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.optics import DepthPlanes, PhaseMaskBench
 from tmca.priors import GaussianPrior
@@ -153,6 +154,42 @@ def test_how_much_is_worked_on_together_changes_nothing(sensor, monkeypatch):
     for other in found[1:]:
         for name in ("values", "depth", "confidence", "planes"):
             torch.testing.assert_close(getattr(other, name), getattr(found[0], name), atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("size", [(26, 31), (27, 30), (5, 5)])
+@pytest.mark.parametrize("sensor", [Sensor(read_noise=3e-3), Sensor(full_well=2000)])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_prepared_for_many_frames_it_finds_the_same_in_fewer_axes(size, sensor, dtype):
+    decoder, taken = textured(size, sensor, dtype)
+    exact, windows = decoder(taken), 3 * decoder.window**2
+    found = decoder.precompute()(taken)
+    assert all(basis.axes.shape[1] < windows for basis in decoder._bases.values())
+    assert decoder.precompute() is decoder
+    assert found.values.dtype == dtype
+    torch.testing.assert_close(found.values, exact.values, atol=6e-3, rtol=0)  # a scene unlike the prior
+    torch.testing.assert_close(1 / found.depth, 1 / exact.depth, atol=5e-3, rtol=0)
+    torch.testing.assert_close(found.planes.softmax(1), exact.planes.softmax(1), atol=2e-3, rtol=0)
+    alone = decoder(taken, spectrum=False, planes=False)
+    assert torch.equal(alone.depth, found.depth)
+
+
+def test_without_noise_a_prepared_frame_is_exact():
+    decoder, taken = textured((11, 14), Sensor())
+    exact, found = decoder(taken), decoder.precompute()(taken)
+    assert torch.equal(exact.values, found.values)
+    assert torch.equal(exact.depth, found.depth)
+
+
+def test_a_prepared_decoder_has_computed_its_bases():
+    decoder, taken = textured((11, 14), Sensor(read_noise=3e-3))
+    maker = make_decoder("likelihood", "spectral-depth", {"window": 5})
+    prepared = maker.prepare(decoder.camera, decoder.prior)
+    assert prepared.state._spectra is not None
+    (estimate,) = prepared.stream([taken[:1]])
+    known = decode(Snapshot(taken[:1], decoder.camera), "likelihood", prior=decoder.prior, window=5)
+    torch.testing.assert_close(estimate.values, known.values, atol=6e-3, rtol=0)
+    with pytest.raises(SettingError, match="nothing to store"):
+        maker.prepare(decoder.camera, decoder.prior, bank="bank")
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8])

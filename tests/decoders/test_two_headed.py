@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from tmca.cameras import SpectralDepthCamera
-from tmca.decoders import PatchLikelihood, Weights
+from tmca.cameras import Snapshot, SpectralDepthCamera
+from tmca.decoders import PatchLikelihood, Weights, decode
 from tmca.decoders.nets.build import build_depth_network
 from tmca.decoders.nets.tiles import TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import DepthEstimate, first_likelihood, first_stage, white_level
+from tmca.decoders.network import NetworkDecoder
 from tmca.errors import SettingError
 from tmca.operators.window_moments import needed_block
 from tmca.optics import PhaseMaskBench
@@ -66,6 +67,17 @@ def test_tiles_change_nothing(prior, start, size, period):
     assert network.reach < 60 < whole.values.std() * 1e4  # tiles see less than the frame, and there is a picture
     for one, other in ((whole.values, tiled.values), (whole.depth, tiled.depth), (whole.planes, tiled.planes)):
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
+
+
+def test_prepared_for_many_frames_it_starts_from_the_prepared_likelihood(prior, tmp_path):
+    made = camera()
+    prior.save(tmp_path / "prior.nc")
+    weights = Weights.of(trained(made, "likelihood"), made, str(tmp_path / "prior.nc"))
+    taken = Snapshot(snapshot_of(made), made)
+    one, other = decode(taken, "network", weights=weights), NetworkDecoder(weights=weights).prepare(made)(taken)
+    torch.testing.assert_close(one.values, other.values, rtol=0, atol=5e-3)
+    torch.testing.assert_close(1 / one.depth, 1 / other.depth, rtol=0, atol=5e-3)
+    assert not torch.equal(one.values, other.values)
 
 
 def test_white_is_the_level_of_a_white_scene_away_from_the_dark_rim():

@@ -65,6 +65,12 @@ class NetworkDecoder(Decoder):
         operator = TapOperator(camera.taps())
         return CollapsedNetwork(network, operator, camera.noise, prior), str(weights.path or "")
 
+    def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
+        super().precompute(prepared, bank)
+        if isinstance(prepared[0], TwoHeadedNetwork) and prepared[0].likelihood is not None:
+            prepared[0].likelihood.precompute()
+        return prepared
+
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         run, path = prepared
         raw: Raw = run(values.to(next(run.network.parameters()).dtype), progress)
