@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -48,22 +48,31 @@ def overview_figure(found: Row, study: Study) -> Figure:
     over the first one where none has a single slot."""
     from tmca.plots.curves import coloured_table
 
-    metric, _, spec = _metric(study)
     groups = grouped(_known(found, study), "code", "decoder")
     values = np.full((len(groups), len(study.noises)), np.nan)
-    for values_of, own in zip(values, groups.values(), strict=True):
-        for row in own:
-            values_of[[*study.noises].index(row["noise"])] = row[metric]
-    gains = np.full_like(values, np.nan)
-    for decoder in dict.fromkeys(decoder for _, decoder in groups):
-        own = np.array([other == decoder for _, other in groups])
-        single = np.array([study.codes[code].one_slot for code, _ in groups]) & own
-        base = values[single] if single.any() else values[own][:1]
-        best = np.nanmax(base, 0) if metric == "psnr" else np.nanmin(base, 0)
-        gains[own] = values[own] - best if metric == "psnr" else 10 * np.log10(best / values[own])
+    for place, rows in enumerate(groups.values()):
+        for row in rows:
+            values[place, [*study.noises].index(row["noise"])] = row[study.evaluation.metric]
+    labels = study.decoder_labels
     several = len({decoder for _, decoder in groups}) > 1
-    names = [f"{code} + {study.decoder_labels[decoder]}" if several else code for code, decoder in groups]
-    return coloured_table(names, [*study.noises], values, gains, spec, _caption(study))
+    names = [f"{code} + {labels[decoder]}" if several else code for code, decoder in groups]
+    gains = _gains(values, [*groups], study)
+    return coloured_table(names, [*study.noises], values, gains, _metric(study)[2], _caption(study))
+
+
+def _gains(values: np.ndarray, rows: Sequence[tuple[str, str]], study: Study) -> np.ndarray:
+    """Of values (R, C) of codes behind decoders: dB of PSNR, of an error -10 log10 of the ratio."""
+    gains = np.full_like(values, np.nan)
+    decoders = np.array([decoder for _, decoder in rows])
+    single = np.array([study.codes[code].one_slot for code, _ in rows])
+    for decoder in dict.fromkeys(decoders.tolist()):
+        behind = decoders == decoder
+        base = values[behind & single] if (behind & single).any() else values[behind][:1]
+        if study.evaluation.metric == "psnr":
+            gains[behind] = values[behind] - np.nanmax(base, 0)
+        else:
+            gains[behind] = 10 * np.log10(np.nanmin(base, 0) / values[behind])
+    return gains
 
 
 def _caption(study: Study) -> str:
