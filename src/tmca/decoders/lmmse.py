@@ -135,6 +135,7 @@ class PatchEstimator:
             solver.drop_rows()
         if isinstance(self.solver, MixtureSolver) and not self.differentiable:
             self.kept = kept_parts(self.layout, self.solver, deviation)
+            _ = self.window
         return self
 
     def _computed_bank(self, solver: GaussianSolver) -> Bank | None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import groupby
+from operator import itemgetter
 
 import torch
 from torch import Tensor
@@ -24,6 +26,8 @@ between the components of one."""
 _BEHIND, _CANDIDATES, _GLANCE_ROWS = 10.0, 8, 2
 """A quick look at some of a block's rows rules out components this far (in log probability) behind the best one, and
 keeps no more than this number for each measurement."""
+_AT_ONCE = 2**16
+"""Entries of the covariances of kinds that are decomposed at once: they stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +63,6 @@ class Components:
         away = torch.cat([self.matrices[which] @ seen - offset[..., None] for which, offset in every])
         white = self.scale[..., None] * away
         return self.log_scale[:, None] - 0.5 * white.square().sum(1, dtype=torch.float64), white
-
-    def explained(self, cross: Tensor) -> Tensor:
-        """(M, valid) variance that measurements remove: of components with one matrix, whose covariance with pixels is
-        (m, valid)."""
-        return self.scale.square() @ (self.matrices[int(self.matrix[0])] @ cross).square_()
 
 
 @dataclass(frozen=True)
@@ -166,16 +165,17 @@ class MixturePosterior:
         inside, base = self.inside[block, some], self.signal[block, some][:, some].double()
         expected = prior.gains[levels, None] * (self.centre[block, some] + s.means[kinds] @ inside.mT).double()
         light, noise = prior.gains[levels].square()[:, None], noise_variance(expected, s.noise)
-        used, counts = (part.tolist() for part in kinds.unique_consecutive(return_counts=True))
+        used, place = kinds.unique_consecutive(return_inverse=True)
         whiten = _whitened_together if together and s.sharing > 1 else _whitened
         matrices: list[Tensor] = []
         parts = []
-        for kind, *those in zip(used, *(part.split(counts) for part in (light, noise, expected)), strict=True):
-            whole = prior.scales[kind] * base + (inside @ s.changes[kind] @ inside.mT).double()
-            own, *part = whiten(whole, *those)  # of one kind, which stays in the cache
-            which = torch.arange(len(those[0])).to(index).clamp(max=len(own) - 1) + len(matrices)
+        for some_kinds in torch.arange(len(used)).to(used).split(max(1, _AT_ONCE // len(base) ** 2)):
+            kept = torch.isin(place, some_kinds)
+            changes, scales = s.changes[used[some_kinds]], prior.scales[used[some_kinds], None, None]
+            whole = scales * base + (inside @ changes @ inside.mT).double()
+            own, which, *part = whiten(whole, place[kept] - some_kinds[0], light[kept], noise[kept], expected[kept])
+            parts.append((which + len(matrices), *part))
             matrices += [one.to(s.dtype, copy=True) for one in own]
-            parts.append((which, *part))
         which, scale, offset, logs = (torch.cat(part) for part in zip(*parts, strict=True))
         log_scale = prior.weights[kinds, levels].log() - logs
         return Components(index, matrices, which, scale.to(s.dtype), offset.to(s.dtype), log_scale)
@@ -224,41 +224,48 @@ class MixturePosterior:
 
     def _within(self, block: int, likely: Components) -> Tensor:
         """(M, valid) posterior variance of some components."""
-        s, cross, parts = self.solver, self.solver.model.in_valid(self.cross[:, block]), []
-        kinds, numbers = likely.index // s.levels, torch.arange(len(likely.index)).to(likely.index)
-        for kind in kinds.unique().tolist():
-            scale, own = float(s.prior.scales[kind]), self.inside[block] @ s.changes[kind]
-            seen = torch.addmm(cross, own, s.valid_basis, beta=scale)
-            before = s.model.in_valid(scale * s.variance + s.tilts[kind])
-            for which in likely.matrix[kinds == kind].unique():
-                those = likely.some(numbers[likely.matrix == which])
-                square = s.prior.gains[those.index % s.levels, None].to(s.dtype).square()
-                parts.append((square * before - square.square() * those.explained(seen)).clamp(min=0))
+        s, cross = self.solver, self.solver.model.in_valid(self.cross[:, block])
+        used, counts = (part.tolist() for part in likely.matrix.unique_consecutive(return_counts=True))
+        squares = s.prior.gains[likely.index % s.levels, None].to(s.dtype).square()
+        kinds = [int(part[0]) for part in (likely.index // s.levels).split(counts)]
+        every = zip(used, squares.split(counts), likely.scale.square().split(counts), strict=True)
+        parts = []
+        for kind, members in groupby(zip(kinds, every, strict=True), key=itemgetter(0)):
+            inside, scale = self.inside[block] @ s.changes[kind], float(s.prior.scales[kind])
+            seen = torch.addmm(cross, inside, s.valid_basis, beta=scale)
+            for _, (which, square, scales) in members:
+                explained = scales @ (likely.matrices[which] @ seen).square_()
+                parts.append((square * s.before[kind] - square.square() * explained).clamp(min=0))
         return torch.cat(parts)
 
 
-def _whitened(whole: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Matrices, scale, offset and half of the log determinant of components of a kind, by their factors.
+Whitened = tuple[Tensor, Tensor, Tensor, Tensor, Tensor]
+"""Matrices, which of them a component has, its scale, its offset, and half of its log determinant."""
+
+
+def _whitened(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> Whitened:
+    """Of components, by the factors of their covariances.
 
     Args:
-        whole: (m, m) covariance of measurements at a gain of one, without noise.
-        light: (G, 1) squares of gains.
-        noise, expected: (G, m).
+        whole: (K, m, m) covariance of measurements of every kind at a gain of one, without noise.
+        kind: (M,) of a component.
+        light: (M, 1) square of its gain.
+        noise, expected: (M, m).
     """
-    factors = lower_factor(light[..., None] * whole + torch.diag_embed(noise))
+    factors = lower_factor(light[..., None] * whole[kind] + torch.diag_embed(noise))
     matrices, logs = lower_inverse(factors), factors.diagonal(dim1=1, dim2=2).log().sum(1)
-    return matrices, torch.ones_like(noise), (matrices @ expected[..., None])[..., 0], logs
+    which = torch.arange(len(kind)).to(kind)
+    return matrices, which, torch.ones_like(noise), (matrices @ expected[..., None])[..., 0], logs
 
 
-def _whitened_together(
-    whole: Tensor, light: Tensor, noise: Tensor, expected: Tensor
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The same with one matrix for all, where the noise is that of all measurements."""
+def _whitened_together(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> Whitened:
+    """The same with one matrix for each kind, where noise has one variance."""
     values, vectors = torch.linalg.eigh(whole)
-    spread = light * values + noise
+    spread = light * values[kind] + noise
     if not bool((spread > 0).all()):
-        return _whitened(whole, light, noise, expected)
-    return vectors.mT[None], spread.rsqrt(), expected @ vectors, spread.log().sum(1) / 2
+        return _whitened(whole, kind, light, noise, expected)
+    matrices = vectors.mT
+    return matrices, kind, spread.rsqrt(), (matrices[kind] @ expected[..., None])[..., 0], spread.log().sum(1) / 2
 
 
 def _multiplied(rows: Tensor, matrices: Sequence[Tensor] | Tensor, which: Tensor) -> Tensor:
@@ -280,8 +287,10 @@ class MixtureSolver:
         """Components of a kind that have the same eigenvectors: all, where noise has one variance."""
         self.centre, self.basis = prior.base.mean.reshape(-1).to(self.dtype), prior.basis.to(self.dtype)
         self.means, self.changes = prior.means.to(self.dtype), prior.changes.to(self.dtype)
-        self.variance = prior.decoupled.diagonal().to(self.dtype)
-        self.tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
+        tilts = torch.stack([((self.basis @ change) * self.basis).sum(1) for change in self.changes])
+        outside = prior.scales[:, None].to(self.dtype) * prior.decoupled.diagonal().to(self.dtype)
+        self.before = model.in_valid(outside + tilts)
+        """(K, valid) variance of a kind."""
         self.rows = prior.decoupled.to(self.dtype)[model.pixels()]
         self.valid_basis, self.valid_centre = model.in_valid(self.basis.mT), model.in_valid(self.centre)
         self.glance = _glance(model)
