@@ -34,7 +34,7 @@ def test_one_component_is_the_linear_estimate(name, read_noise, shot):
 
 
 def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
-    from tmca.priors.mixture import MixtureSolver
+    from tmca.priors.mixture_posterior import MixtureSolver
 
     taps = camera("single disperser", 4, 12)
     model, read, shot = BlockModel.of(taps, BLOCK), 0.05, 0.01

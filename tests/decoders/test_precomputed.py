@@ -14,6 +14,8 @@ from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import GaussianSolver, explained_variance
+from tmca.priors.mixture_posterior import MixturePosterior
+from tmca.priors.statistics import lower_inverse
 from tmca.sensor import Noise, Sensor
 
 SCENES = [smooth_scene(60, 80, seed=1)]
@@ -44,9 +46,15 @@ def prior_of(channels):
     return GaussianPrior.learn([smooth_scene(40, 50, channels, seed=1)], (6, 12))
 
 
+@cache
+def mixture_of(channels):
+    scenes = [smooth_scene(40, 50, channels, seed=1), 0.1 * smooth_scene(40, 50, channels, seed=2)]
+    return GaussianMixturePrior.learn(scenes, (6, 12), kinds=3, rank=12, gains=3, samples=300, steps=1)
+
+
 def check_nothing_changes(estimator, frames, kept, within):
     solved = estimator(frames, uncertainty=True)
-    assert getattr(estimator.precompute(), kept) is not None
+    assert getattr(estimator.precompute(), kept)
     found = estimator(frames, uncertainty=True)
     torch.testing.assert_close(found.estimate, solved.estimate, rtol=0, atol=within)
     torch.testing.assert_close(found.deviation, solved.deviation.expand_as(found.deviation), rtol=0, atol=100 * within)
@@ -86,6 +94,52 @@ def test_every_camera_decodes_a_stream_of_frames_that_have_nothing_in_common(nam
         estimate.deviation.mul_(100)
 
 
+@pytest.mark.parametrize("noise", [Noise(0.02), NOISE])
+@pytest.mark.parametrize(("size", "period"), [((21, 30), (3, 4)), ((22, 33), (4, 4))])
+@pytest.mark.parametrize("name", CAMERAS)
+def test_frames_under_a_mixture_are_those_that_are_solved_alone(name, size, period, noise):
+    taps = camera(name, *size, period=period)
+    scenes = torch.stack([gain * smooth_scene(*size, seed=seed) for gain, seed in ((1, 5), (0.1, 6))])
+    frames = noisy(snapshot(taps, scenes), noise.read, noise.shot)
+    check_nothing_changes(PatchEstimator(mixture_of(3), taps, noise, dtype=torch.float64), frames, "kept", 1e-9)
+
+
+@pytest.mark.parametrize("uncertainty", [True, False])
+@pytest.mark.parametrize("name", TAKEN)
+def test_a_stream_under_a_mixture_makes_its_components_once(name, uncertainty, monkeypatch):
+    shown = TAKEN[name]
+    channels = shown.taps().scene_shape[0]
+    scenes = [smooth_scene(*shown.size, channels, seed=s).float().reshape(1, *shown.scene_shape) for s in range(2)]
+    frames = [Snapshot(shown(scene, generator=s), shown) for s, scene in enumerate(scenes)]
+    settings = {"uncertainty": uncertainty}
+    alone = [decode(frame, "mixture", prior=mixture_of(channels), **settings) for frame in frames]
+    prepared = make_decoder("mixture", shown.kind, settings).prepare(shown, mixture_of(channels))
+    monkeypatch.setattr(MixturePosterior, "components", lambda *_: pytest.fail("made anew"))
+    for estimate, other in zip(prepared.stream(frames), alone, strict=True):
+        torch.testing.assert_close(estimate.values, other.values, rtol=0, atol=1e-4)
+        if uncertainty:
+            torch.testing.assert_close(estimate.deviation, other.deviation, rtol=0, atol=1e-4)
+
+
+def test_variances_that_were_not_prepared_are_made_when_a_frame_wants_them():
+    shown = TAKEN["fractional"]
+    frames = shown(smooth_scene(*shown.size, seed=2).float()[None], generator=0)
+    estimator = PatchEstimator(mixture_of(3), shown.taps(), shown.noise)
+    solved, found = (one(frames, uncertainty=True) for one in (estimator, estimator.precompute(deviation=False)))
+    torch.testing.assert_close(found.deviation, solved.deviation, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("noise", [Noise(0.02), NOISE])
+def test_no_more_is_kept_of_a_mixture_than_is_reckoned_with(noise):
+    taps = camera("single disperser", 9, 40, period=(3, 4))
+    estimator = PatchEstimator(mixture_of(3), taps, noise, dtype=torch.float64).precompute()
+    ((groups, posterior),) = estimator.kept
+    tables = [posterior.cross, posterior.signal, posterior.inside, posterior.centre, *posterior.kept.within]
+    for part in (*posterior.kept.glances, *posterior.kept.whole):
+        tables += [*part.matrices, part.scale, part.offset]
+    assert sum(table.nbytes for table in tables) == estimator.solver.kept_bytes(len(groups))
+
+
 def test_a_subclass_that_prepares_otherwise_is_left_alone():
     class Paired(LMMSE):
         def setup(self, camera, prior):
@@ -95,17 +149,16 @@ def test_a_subclass_that_prepares_otherwise_is_left_alone():
     assert Paired().prepare(shown, prior).state == (shown, prior)
 
 
-@pytest.mark.parametrize("hindrance", ["gradients", "mixture", "memory"])
-def test_nothing_is_kept_where_it_cannot_be(hindrance, monkeypatch):
-    prior = PRIOR
-    if hindrance == "mixture":
-        prior = GaussianMixturePrior.learn(SCENES, (4, 14), kinds=2, rank=4, samples=200)
+@pytest.mark.parametrize("hindrance", ["gradients", "memory"])
+@pytest.mark.parametrize("prior", [PRIOR, GaussianMixturePrior.of(PRIOR)], ids=["gaussian", "mixture"])
+def test_nothing_is_kept_where_it_cannot_be(hindrance, prior, monkeypatch):
     if hindrance == "memory":
         monkeypatch.setattr(bank, "MOST_BYTES", 1000)
         monkeypatch.setattr(lmmse, "MOST_BYTES", 1000)
     taps = camera("single disperser", 9, 40, period=(3, 4))
     estimator = PatchEstimator(prior, taps, NOISE, differentiable=hindrance == "gradients").precompute()
     assert estimator.bank is estimator.factors is None
+    assert not estimator.kept
 
 
 def test_no_room_is_made_for_factors_that_are_not_stored(monkeypatch, no_room_for_banks):
@@ -173,3 +226,11 @@ def test_few_measurements_remove_the_variance_that_the_formula_says(measurements
     cross = torch.rand(measurements, 6, generator=generator, dtype=torch.float64)
     expected = (cross * torch.linalg.solve(covariance, cross)).sum(0)
     torch.testing.assert_close(explained_variance(torch.linalg.cholesky(covariance), cross), expected)
+
+
+@pytest.mark.parametrize("size", [1, 40, 131, 260])
+def test_factors_are_inverted(size):
+    root = torch.rand(2, size, size, generator=torch.Generator().manual_seed(size), dtype=torch.float64)
+    factor = torch.linalg.cholesky(root @ root.mT + torch.eye(size))
+    one = torch.eye(size, dtype=torch.float64).expand(2, -1, -1)
+    torch.testing.assert_close(lower_inverse(factor) @ factor, one)

@@ -22,7 +22,7 @@ from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import TapOperator, Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import BlockPosterior, GaussianSolver
-from tmca.priors.mixture import MixturePosterior, MixtureSolver
+from tmca.priors.mixture_posterior import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 
 MEMORY = 2**27
@@ -97,6 +97,7 @@ class PatchEstimator:
         self.noise = noise
         self.bank: Bank | None = None
         self.factors: Factors | None = None
+        self.kept: list[Solved] = []
 
     @cached_property
     def window(self) -> Tensor:
@@ -109,12 +110,13 @@ class PatchEstimator:
         rounding.
 
         That is a bank, where blocks see few different windows of the code, as those of tiles; else the factors of all
-        blocks. Nothing is done under a mixture, where gradients are asked for, where a large mask's factors take more
-        memory than ``tmca.decoders.bank.MOST_BYTES``, and without a bank on other devices than the processor.
+        blocks. Under a mixture it is what is known of all components behind these windows. Nothing is done where
+        gradients are asked for, where a large mask's factors or components take more memory than
+        ``tmca.decoders.bank.MOST_BYTES``, and without a bank or a mixture on other devices than the processor.
 
         Args:
             file: that holds the bank: read where it is there, written where it is not.
-            deviation: compute that of factors now, not with the first frame that wants it.
+            deviation: compute that of factors and components now, not when a frame wants it.
 
         Raises:
             SettingError: a file, but nothing that could be in it.
@@ -131,6 +133,9 @@ class PatchEstimator:
                 _ = self.factors.deviation
         if solver is not None and (self.bank or self.factors):
             solver.drop_rows()
+        if isinstance(self.solver, MixtureSolver) and not self.differentiable:
+            self.kept = kept_parts(self.layout, self.solver, deviation)
+            _ = self.window
         return self
 
     def _computed_bank(self, solver: GaussianSolver) -> Bank | None:
@@ -165,7 +170,10 @@ class PatchEstimator:
                 return Blended(estimate, computed.deviation.expand_as(estimate).clone() if uncertainty else None)
         blend = Blend(self.layout, self.window, snapshot, uncertainty=uncertainty)
         with torch.set_grad_enabled(self.differentiable and torch.is_grad_enabled()):
-            blend.lay(self.solver, progress=progress)
+            if self.kept:
+                blend.lay_parts(self.kept, progress=progress)
+            else:
+                blend.lay(self.solver, progress=progress)
         return blend.result()
 
 
@@ -185,6 +193,16 @@ def solved_parts(
         part = groups[start : start + most]
         windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
         yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
+
+
+def kept_parts(layout: BlockLayout, solver: MixtureSolver, deviation: bool) -> list[Solved]:
+    """All groups, with what is known of their components before a snapshot; nothing where it takes more than
+    ``MOST_BYTES``."""
+    groups = layout.groups
+    if solver.kept_bytes(len(groups)) > MOST_BYTES:
+        return []
+    windows = layout.grid.code_windows(layout.code, [places[0] for places in groups])
+    return [(groups, solver.posterior(windows).keeping(deviation))]
 
 
 def few(groups: list[Places], most: int = _AT_ONCE) -> Iterator[list[int]]:

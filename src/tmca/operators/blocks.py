@@ -156,7 +156,7 @@ class BlockGrid:
         """(top, left) of every block, row by row."""
         return [(top, left) for top in self.tops for left in self.lefts]
 
-    @property
+    @cached_property
     def padding(self) -> tuple[int, int, int, int]:
         """Zeros to add left, right, above and below the frame so that every block lies inside."""
         _, h, w = self.model.block

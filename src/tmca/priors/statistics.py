@@ -24,6 +24,8 @@ _OUTSIDE = 60
 fine details are correlated, so far fewer than there are pixels."""
 _CLUSTERED, _CLUSTER_STEPS = 25, 25
 """Leading dimensions in which k-means sorts blocks, and its steps."""
+_SUBSTITUTED = 50
+"""Rows of a factor, at least, that are inverted by substitution."""
 
 
 def checked_cubes(
@@ -248,6 +250,18 @@ def lower_factor(covariance: Tensor) -> Tensor:
     except torch.linalg.LinAlgError:  # type: ignore[attr-defined]
         wanted, remedy = "one that is positive definite", "learn the prior again"
         raise SettingError("prior", "a covariance that no scenes have", wanted, remedy) from None
+
+
+def lower_inverse(factor: Tensor) -> Tensor:
+    """(..., n, n) inverse of lower triangular factors, most of it by products, which are faster than substitution."""
+    half = factor.shape[-1] // 2
+    if half < _SUBSTITUTED:
+        one = torch.eye(factor.shape[-1]).to(factor)
+        return torch.linalg.solve_triangular(factor, one, upper=False)
+    first, last = lower_inverse(factor[..., :half, :half]), lower_inverse(factor[..., half:, half:])
+    across = last @ (factor[..., half:, :half] @ first)
+    above = torch.cat([first, torch.zeros_like(across.mT)], -1)
+    return torch.cat([above, torch.cat([-across, last], -1)], -2)
 
 
 def leading_eigenvectors(covariance: Tensor, rank: int) -> Tensor:
