@@ -6,8 +6,10 @@ import pytest
 import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot, textbook
+from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
 from tmca.priors.gaussian import NOISE_FLOOR
+from tmca.priors.mixture_posterior import _factors
 from tmca.sensor import Noise
 
 BLOCK = (3, 4, 12)
@@ -72,3 +74,13 @@ def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_it
     assert (mixed.estimate - scenes).square().mean() < 0.97 * (linear - scenes).square().mean()
     z = (mixed.estimate - scenes) / mixed.deviation
     assert float(z.square().mean()) == pytest.approx(1, abs=0.1)
+
+
+def test_covariances_that_single_precision_leaves_indefinite_are_solved_with_what_it_may_hide():
+    taps = torch.rand(2, 40, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    rounded = (taps @ taps.mT).float().double() + 1e-12 * torch.eye(40)
+    assert torch.linalg.eigvalsh(rounded).min() < 0
+    factors = _factors(rounded)
+    torch.testing.assert_close(factors @ factors.mT, rounded, atol=1e-5, rtol=0)
+    with pytest.raises(SettingError, match="positive definite"):
+        _factors(rounded - torch.eye(40))

@@ -4,6 +4,7 @@ import json
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tmca.evaluation.camera import evaluation_of
@@ -79,3 +80,16 @@ def test_a_table_says_which_rows_are_not_meaningful():
     next(iter(row["scenes"].values()))["psnr"] = -177.0
     text = f"Warning: 1 row ({row['decoder']}) of this table fell below 0 dB of PSNR: not meaningful"
     assert markdown(numbers).count(text) == 1
+
+
+def test_at_a_glance_bears_rows_that_failed_and_studies_without_a_code_of_one_slot():
+    numbers = json.loads((RESULTS / "buckets.json").read_text())
+    study = checked_study(numbers["study"], "buckets")
+    without = [row for row in numbers["rows"] if not study.codes[row["code"]].one_slot]
+    failed = [row for row in numbers["rows"] if row["noise"] != "σ = 0.1" or not study.codes[row["code"]].one_slot]
+    assert np.isnan(
+        overview_figure(numbers | {"rows": failed}, study).axes[0].images[0].get_array().filled(np.nan)
+    ).any()
+    assert overview_figure(numbers | {"rows": without}, study).axes[0].images[0].get_array().min() < 0
+    nothing = [{name: value for name, value in row.items() if name != "psnr"} for row in numbers["rows"]]
+    assert not list(overview(numbers | {"rows": nothing}, study))

@@ -151,7 +151,7 @@ class PatchLikelihood:
     @torch.no_grad()
     def precompute(self) -> PatchLikelihood:
         """Compute what all snapshots have in common, and leave out of it what carries next to nothing, some thousandths
-        of a dB: the next ones take a fifth of the time. All is kept where noise is next to none."""
+        of a dB: the next ones take a quarter of the time. All is kept where noise is next to none."""
         if self._spectra is not None:
             return self
         phases = sorted({phase for _, row in self._rows.batches() for phase, _ in row})

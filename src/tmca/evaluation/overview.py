@@ -23,7 +23,7 @@ _FEWEST = 3
 def overview(found: Row, study: Study) -> Iterator[Section]:
     """The metric by which codes are compared, a row for each code and decoder, a column for each noise; nothing of
     studies of one noise."""
-    if len(study.noises) == 1 or not found["rows"]:
+    if len(study.noises) == 1 or not _known(found, study):
         return
     metric, heading, spec = _metric(study)
     rows = [
@@ -68,17 +68,19 @@ def _gains(values: np.ndarray, rows: Sequence[tuple[str, str]], study: Study) ->
     for decoder in dict.fromkeys(decoders.tolist()):
         behind = decoders == decoder
         base = values[behind & single] if (behind & single).any() else values[behind][:1]
+        base = np.where(np.isnan(base).all(0), np.inf, base)
         if study.evaluation.metric == "psnr":
             gains[behind] = values[behind] - np.nanmax(base, 0)
         else:
             gains[behind] = 10 * np.log10(np.nanmin(base, 0) / values[behind])
-    return gains
+    return np.where(np.isfinite(gains), gains, np.nan)
 
 
 def _caption(study: Study) -> str:
     metric, heading, _ = _metric(study)
     unit = "gain (dB)" if metric == "psnr" else f"−10 log₁₀ of the ratio of {heading.partition(' (')[0]}"
-    return f"{heading}; colours: {unit} over the best code of one slot"
+    base = "the best code of one slot" if any(code.one_slot for code in study.codes.values()) else "the first code"
+    return f"{heading}; colours: {unit} over {base}"
 
 
 def _metric(study: Study) -> Column:

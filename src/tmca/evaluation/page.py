@@ -103,7 +103,7 @@ def write_pictures(study: Study, found: Row, measured: Sequence[Measured], out: 
 
     own = [cell for cell in measured if cell.get("seed", study.seed) == study.seed]
     figures = study.evaluation.study_figures(study, own)
-    if is_drawn(study):
+    if is_drawn(study) and any(study.evaluation.metric in row for row in found["rows"]):
         figures = {**figures, PICTURE: overview_figure(found, study)}
     for name, figure in figures.items():
         save_figure(figure, out / f"{study.name}_{name}.png", overwrite=overwrite)

@@ -14,6 +14,7 @@ from operator import itemgetter
 import torch
 from torch import Tensor
 
+from tmca.errors import SettingError
 from tmca.operators.blocks import BlockModel
 from tmca.priors.gaussian import GaussianSolver, noise_variance, sufficient_precision
 from tmca.priors.mixture import GaussianMixturePrior
@@ -252,10 +253,20 @@ def _whitened(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expecte
         light: (M, 1) square of its gain.
         noise, expected: (M, m).
     """
-    factors = lower_factor(light[..., None] * whole[kind] + torch.diag_embed(noise))
+    factors = _factors(light[..., None] * whole[kind] + torch.diag_embed(noise))
     matrices, logs = lower_inverse(factors), factors.diagonal(dim1=1, dim2=2).log().sum(1)
     which = torch.arange(len(kind)).to(kind)
     return matrices, which, torch.ones_like(noise), (matrices @ expected[..., None])[..., 0], logs
+
+
+def _factors(covariance: Tensor) -> Tensor:
+    """(M, m, m) lower Cholesky factors; where rounding in single precision is above the noise, of what it may hide."""
+    try:
+        return lower_factor(covariance)
+    except SettingError:
+        level = covariance.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
+        hidden = torch.finfo(torch.float32).eps * len(covariance[0]) ** 0.5 * level
+        return lower_factor(covariance + torch.diag_embed(hidden.expand(covariance.shape[:2])))
 
 
 def _whitened_together(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> Whitened:

@@ -51,7 +51,8 @@ class CodedSpec(CameraSpec):
     usual = "two-bucket"
 
     slots: Slots = 8
-    "Time slots K within the exposure; those of the patterns where a file is given."
+    """Time slots K within the exposure; those of the patterns where a file is given; 4 where no option says what the
+    camera shows, as of the preset two-bucket."""
     aperture: str = "random"
     """Aperture codes: random, static, open, one-hot, complementary, blue-noise, s-matrix, balanced, or a file of
     patterns."""

@@ -208,8 +208,8 @@ def check_buckets(codes: Planes, device: DeviceDescription) -> None:
     if codes.buckets != device.buckets:
         drained = " bucket, the light of closed slots to a drain" if codes.buckets == 1 else " buckets"
         found = f"codes of {codes.buckets}{drained}"
-        own = "coded-exposure" if codes.buckets == 1 else "coded-exposure-two-bucket"
-        remedy = f"take a camera with buckets={device.buckets}, or another device, as {own}"
+        own = {1: ", as coded-exposure", 2: ", as coded-exposure-two-bucket"}.get(codes.buckets, "")
+        remedy = f"take a camera with buckets={device.buckets}, or another device{own}"
         raise SettingError(device.name, found, f"{device.buckets}, those of its pixels", remedy)
     shutter = codes.planes["shutter"]
     if codes.buckets == 1 or shutter.ndim == 3:
