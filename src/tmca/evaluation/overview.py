@@ -23,12 +23,12 @@ _FEWEST = 3
 def overview(found: Row, study: Study) -> Iterator[Section]:
     """The metric by which codes are compared, a row for each code and decoder, a column for each noise; nothing of
     studies of one noise."""
-    if len(study.noises) == 1 or not _known(found, study):
+    if len(study.noises) == 1 or not known_rows(found, study):
         return
     metric, heading, spec = _metric(study)
     rows = [
         {"code": code, "label": study.decoder_labels[decoder], **{row["noise"]: row[metric] for row in own}}
-        for (code, decoder), own in grouped(_known(found, study), "code", "decoder").items()
+        for (code, decoder), own in grouped(known_rows(found, study), "code", "decoder").items()
     ]  # fmt: skip
     columns: list[Column] = [("code", "code", ""), ("label", "decoder", "")]
     columns += [(noise, noise, spec) for noise in study.noises]
@@ -48,7 +48,7 @@ def overview_figure(found: Row, study: Study) -> Figure:
     over the first one where none has a single slot."""
     from tmca.plots.curves import coloured_table
 
-    groups = grouped(_known(found, study), "code", "decoder")
+    groups = grouped(known_rows(found, study), "code", "decoder")
     values = np.full((len(groups), len(study.noises)), np.nan)
     for place, rows in enumerate(groups.values()):
         for row in rows:
@@ -88,5 +88,6 @@ def _metric(study: Study) -> Column:
     return next(column for column in study.evaluation.columns if column[0] == metric)
 
 
-def _known(found: Row, study: Study) -> list[Row]:
+def known_rows(found: Row, study: Study) -> list[Row]:
+    """Rows that have the metric by which codes are compared."""
     return [row for row in found["rows"] if study.evaluation.metric in row]

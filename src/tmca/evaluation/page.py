@@ -13,7 +13,7 @@ from tmca.data.scene_names import short_names
 from tmca.evaluation.camera import Place
 from tmca.evaluation.gains import WHO, gain_columns, level, multiplexed, over, parts_of
 from tmca.evaluation.grid import Measured
-from tmca.evaluation.overview import PICTURE, is_drawn, overview, overview_figure
+from tmca.evaluation.overview import PICTURE, is_drawn, known_rows, overview, overview_figure
 from tmca.evaluation.study import Study, checked_study
 from tmca.evaluation.tables import (
     MEASURED,
@@ -103,7 +103,7 @@ def write_pictures(study: Study, found: Row, measured: Sequence[Measured], out: 
 
     own = [cell for cell in measured if cell.get("seed", study.seed) == study.seed]
     figures = study.evaluation.study_figures(study, own)
-    if is_drawn(study) and any(study.evaluation.metric in row for row in found["rows"]):
+    if is_drawn(study) and known_rows(found, study):
         figures = {**figures, PICTURE: overview_figure(found, study)}
     for name, figure in figures.items():
         save_figure(figure, out / f"{study.name}_{name}.png", overwrite=overwrite)
