@@ -40,8 +40,9 @@ def test_windows_have_the_density_of_the_prior(window, size):
         assert float(middle[1, 0, row, column]) == float(place[1, 0, top + window // 2, left + window // 2])
 
 
-def test_of_one_window_it_says_what_the_decoder_says():
-    own, snapshot, place = seen(12)
+@pytest.mark.parametrize("buckets", [1, 2])
+def test_of_one_window_it_says_what_the_decoder_says(buckets):
+    own, snapshot, place = seen(12, buckets=buckets)
     prior = prior_of(needed_block(12, BENCH.window))
     found, _ = DepthWindows(prior, 12, gains=[0.25, 1.0, 4.0])(own, snapshot, place)
     decoded = PatchLikelihood(prior, own, 12, gains=[0.25, 1.0, 4.0])(snapshot)

@@ -103,6 +103,28 @@ def test_what_learns_moves_and_the_rest_stays(tmp_path, learn):
     assert set(after.tile()[1].unique().tolist()) <= {0.0, 1.0}
 
 
+@pytest.mark.parametrize("start", ["snapshot", "likelihood"])
+def test_two_buckets_learn_and_their_weights_decode(tmp_path, start):
+    changes = {"camera.buckets": 2, "camera.shutter": "random", "camera.learn": ["mask", "shutter"]}
+    changes |= {"optimiser.code_rate": 2.0, "codes.frozen": 0.0, "codes.slope": [1.0, 2.0]}
+    found = train(tmp_path / start, **changes, decoder={**TINY["decoder"], "start": start})
+    before, weights = starting_camera(settings(**changes)), Weights.load(found.weights)
+    camera = weights.camera_for((30, 27))
+    first, second = camera.tile()[1]
+    torch.testing.assert_close(first + second, torch.ones_like(first))
+    assert not torch.equal(first, before.tile()[1][0])
+    snapshot = camera(torch.rand(1, 8, 30, 27), torch.full((1, 1, 30, 27), 0.8))
+    assert snapshot.shape == (1, 2, 30, 27)
+    decoded = TwoHeadedNetwork(weights.network, camera, weights.load_prior())(snapshot)
+    assert decoded.values.shape == (1, 8, 30, 27)
+    own = {name: value for name, value in (TINY | changes).items() if name not in CHOSEN_BY_CODES + ("camera.bench",)}
+    own |= {"codes.start": str(found.weights)}
+    for again in (own, {name: value for name, value in own.items() if name != "camera.buckets"}):
+        torch.testing.assert_close(starting_camera(described(again)).tile()[1], camera.tile()[1])
+    with pytest.raises(SettingError, match=r"camera\.buckets: found 1, expected 2, as in"):
+        starting_camera(described(own | {"camera.buckets": 1}))
+
+
 def test_masks_that_learn_to_send_light_away_are_told(tmp_path):
     changes = {"camera.learn": ["mask"], "optimiser.mask_rate": 0.2, "codes.frozen": 0.0}
     with pytest.warns(StrayLight, match="of a point's light"):

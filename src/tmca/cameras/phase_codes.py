@@ -80,5 +80,4 @@ def read_phase_codes(path: str | Path) -> dict[str, Any]:
         settings = phase_settings(dataset, str(path), stated)
     except (IndexError, TypeError, ValueError) as error:
         raise DataError(path, f"masks, bench or depth that are none ({error})", "those of a camera", remedy) from error
-    buckets = {"buckets": stated.buckets} if stated.buckets > 1 else {}
-    return {**settings, **buckets, **{name: getattr(stated, name) for name in ("filters", "channels", "exposure")}}
+    return {**settings, **{name: getattr(stated, name) for name in ("filters", "channels", "exposure", "buckets")}}

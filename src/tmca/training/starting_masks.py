@@ -132,8 +132,8 @@ def _alike(name: str, asked: Any, stored: dict[str, Any]) -> bool:
     if name == "mask":
         return asked == "free-form" or isinstance(stored["mask"], _FAMILIES.get(asked, ()))
     if name == "shutter":
-        opened = stored["shutter"].sum(0)
-        return bool((opened == {"open": len(stored["shutter"]), "one-hot": 1}.get(asked, -1)).all())
+        slots, opened = stored["shutter"].shape[-3], stored["shutter"].sum(-3)
+        return bool((opened == {"open": slots, "one-hot": 1, "balanced": slots // 2}.get(asked, -1)).all())
     value = stored.get(name)
     if isinstance(value, Tensor):
         wanted = (feasible_filters if name == "filters" else channel_response)(asked, stored["bands"])
@@ -146,5 +146,6 @@ def _of_weights(start: Path) -> dict[str, Any]:
     weights = Weights.load(start)
     camera = weights.camera
     sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths}
+    sensor["buckets"] = camera.buckets
     stated = attributes_of(PhaseAttributes, weights.variables.attrs, start)
     return {**phase_settings(weights.variables, str(start), stated), **sensor, "exposure": camera.exposure}
