@@ -1,60 +1,79 @@
-"""A next frame of one camera, solved anew, by a prepared decoder and by a fast one: ``python benchmarks/realtime.py``.
+"""What decoding live takes: ``python benchmarks/realtime.py --out docs/results/realtime.md``.
 
-256×256×12, K = 8, random codes, in tiles of 32 and such that do not repeat, σ = 0.01, the rendered scenes' prior,
-coffee; LMMSE with its standard deviation, and the mixture behind tiles. One thread, CPU time, medians.
+Every row is a process of its own on one thread: CPU time, medians. ``HEAD`` says what the figures are.
 """
 
 from __future__ import annotations
 
-import torch
-from timing import Clock, asked, milliseconds, show
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
 
-import tmca
-from tmca.decoders import PatchEstimator
-from tmca.priors import find_prior
+HEAD = """# Decoding live: seconds of a frame
 
-CAMERAS = {
-    "one bucket": {"shutter": "random", "period": 32},
-    "two buckets": {"shutter": "balanced", "buckets": 2, "period": 32},
-    "one bucket, no tiles": {"shutter": "random"},
-    "mixture": {"shutter": "random", "period": 32},
-}
-"""The mixture's prior for the row of that name, one Gaussian for the others."""
+Command: `python benchmarks/realtime.py --out docs/results/realtime.md` at commit `{commit}`; torch {torch}, {machine},
+one thread, CPU time, medians. The load of the {cores} cores was {before:.1f} when it began and {after:.1f} when it
+ended (its own is 1).
+
+*First* is a frame of a camera that nothing was prepared for. *Preparing* computes what depends on camera, noise and
+prior alone. *Next* is another frame of that camera, prepared; *largest difference* that of its estimate from the one
+that is solved anew, relative irradiance. Scene `coffee`, K = 8 unless one mask is said, σ = 0.01, the prior of the
+rendered scenes, learned before. Goals are in brackets.
+
+| row | what | figures |
+| --- | --- | --- |
+"""
 
 
-def measured(settings: dict[str, object], kind: str, repeats: int) -> dict[str, float]:
-    """Milliseconds of a next frame solved anew, prepared and fast, those of preparing; largest and root mean square
-    difference from the frame that is solved anew."""
-    camera = tmca.SpectralCamera(12, (256, 256), slots=8, sensor=tmca.Sensor(read_noise=0.01), **settings)
-    frame = tmca.simulate(tmca.read("coffee"), camera).values
-    prior = find_prior(camera, None, kind)
-    estimator = PatchEstimator(prior, camera.taps(), camera.noise)
-    solved = milliseconds(lambda: estimator(frame, uncertainty=True), max(1, repeats // 5))
-    before = estimator(frame, uncertainty=True)
-    prepared = 1e3 * Clock().seconds(estimator.precompute)
-    after = estimator(frame, uncertainty=True)
-    rows = {
-        "solved anew (ms)": solved,
-        "prepared (ms)": milliseconds(lambda: estimator(frame, uncertainty=True), repeats),
-        "preparing (ms)": prepared,
-        "largest difference": float((after.estimate - before.estimate).abs().max()),
-    }
-    if estimator.bank is None:
-        return rows
-    fast = PatchEstimator(prior, camera.taps(), camera.noise, fast=True).precompute()
-    away = fast(frame, uncertainty=True).estimate - before.estimate
-    rows["fast (ms)"] = milliseconds(lambda: fast(frame, uncertainty=True), repeats)
-    rows["fast: root mean square"] = float(away.square().mean().sqrt())
-    return rows
+def measured(name: str) -> dict[str, float]:
+    """What a process of its own finds of a row."""
+    around = os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, __file__, "--row", name], capture_output=True, text=True, env=around)
+    if done.returncode:
+        sys.exit(f"{name}: {(done.stderr.strip().splitlines() or ['stopped'])[-1]}")
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def figures(found: dict[str, float], goals: dict[str, float]) -> str:
+    """Numbers with their units, and goals in brackets."""
+    units = {name: " s" for name in ("first", "preparing", "next", "floor", "anew")}
+    return ", ".join(
+        f"{name} {value:.2g}{units.get(name, '')}" + (f" ({goals[name]:g})" if name in goals else "")
+        for name, value in found.items()
+    )
 
 
 def main() -> None:
-    arguments = asked(__doc__, 15)
-    torch.set_num_threads(1)
-    with torch.no_grad():
-        kinds = {name: "mixture" if name == "mixture" else "gaussian" for name in CAMERAS}
-        rows = {name: measured(settings, kinds[name], arguments.repeats) for name, settings in CAMERAS.items()}
-    show(rows, {}, arguments.json)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="rows whose name contains this text")
+    parser.add_argument("--out", type=Path, help="a page of the results, Markdown")
+    parser.add_argument("--row", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    import torch
+    from realtime_rows import ROWS
+
+    if options.row:
+        torch.set_num_threads(1)
+        print(json.dumps(ROWS[options.row][2]()))
+        return
+    before, lines = os.getloadavg()[0], []
+    for name in (name for name in ROWS if options.only in name):
+        what, goals, _ = ROWS[name]
+        said = figures(measured(name), goals)
+        print(f"{name}: {said}", flush=True)
+        lines.append(f"| {name} | {what} | {said} |")
+    if options.out:
+        from tmca.data import write_text
+        from tmca.evaluation.tables import repository_commit
+
+        head = HEAD.format(commit=repository_commit(), torch=torch.__version__, machine=platform.machine(),
+                           cores=os.cpu_count(), before=before, after=os.getloadavg()[0])  # fmt: skip
+        write_text(head + "\n".join(lines) + "\n", options.out, overwrite=True)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import torch
 from tmca.decoders.adapted import AdaptedEstimator
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import NOISE_FLOOR
+from tmca.priors.gaussian_posterior import NOISE_FLOOR
 from tmca.sensor import Noise
 
 

@@ -6,7 +6,7 @@ import torch
 from tests.small_scenes import CAMERAS, adapted, camera, noisy, patches, smooth_scene, snapshot, textbook
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.sensor import Noise
 
 SCENE = smooth_scene(60, 80, seed=1)

@@ -8,7 +8,7 @@ import torch
 from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot, textbook
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import NOISE_FLOOR
+from tmca.priors.gaussian_posterior import NOISE_FLOOR
 from tmca.priors.mixture_posterior import _factors
 from tmca.sensor import Noise
 

@@ -13,7 +13,7 @@ from tmca.decoders import LMMSE, bank, decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import GaussianSolver, explained_variance
+from tmca.priors.gaussian_posterior import GaussianSolver, explained_variance
 from tmca.priors.mixture_posterior import MixturePosterior
 from tmca.priors.statistics import lower_inverse
 from tmca.sensor import Noise, Sensor

@@ -10,7 +10,7 @@ from tmca.design import BlockMse
 from tmca.design.flips import BlockState
 from tmca.errors import SettingError
 from tmca.priors import BlockModel, GaussianPrior
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.sensor import Noise
 
 

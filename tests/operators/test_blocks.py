@@ -10,7 +10,7 @@ from tests.small_scenes import CAMERAS, camera, matrix, noisy, smooth_scene, sna
 from tmca.errors import ShapeError
 from tmca.operators.blocks import MeasurementCovariance, Smoothing
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
-from tmca.priors.gaussian import NOISE_FLOOR, GaussianSolver
+from tmca.priors.gaussian_posterior import NOISE_FLOOR, GaussianSolver
 from tmca.sensor import Noise
 
 BLOCK = (3, 2, 9)

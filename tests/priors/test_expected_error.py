@@ -8,7 +8,7 @@ from tests.small_scenes import CAMERAS, camera, noisy, smooth_scene, snapshot
 from tmca.errors import SettingError
 from tmca.operators.taps import Taps
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse, expected_psnr
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.sensor import Noise
 
 BLOCK = (3, 2, 9)

@@ -12,7 +12,7 @@ from tmca.errors import DataError, ShapeError
 from tmca.operators.block_layout import BlockLayout
 from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianPrior
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.sensor import Noise
 
 CUBES = [smooth_scene(24, 31, seed=1), smooth_scene(20, 26, seed=2)]
@@ -92,6 +92,24 @@ def test_the_evidence_of_a_block_is_the_density_of_its_measurements(prior):
     assert_close(posterior.factor[0] @ posterior.factor[0].mT, dense_covariance(posterior, prior, noise))
     constant = model.measurements / 2 * math.log(2 * math.pi)
     assert_close(posterior.log_evidence(0, measured), density.log_prob(measured) + constant)
+
+
+@pytest.mark.parametrize(("buckets", "size"), [(1, (12, 14)), (2, (11, 15))])
+def test_covariances_with_pixels_need_no_rows(prior, monkeypatch, buckets, size):
+    camera = SpectralCamera(prior.block[0], size, 2, buckets=buckets, shutter="balanced", dispersion=1)
+    model = BlockModel.of(camera.taps(), prior.block)
+    layout = BlockLayout.of(model, camera.taps(), (3, 3))
+    windows = layout.grid.code_windows(layout.code.double(), layout.grid.positions[:3])
+    noise = Noise(0.05, 0.01)
+    by_rows, without = (GaussianSolver(prior, model, noise, torch.float64) for _ in range(2))
+    expected = by_rows.posterior(windows)
+    monkeypatch.setattr("tmca.priors.gaussian_posterior._MOST_ROW_BYTES", 0)
+    monkeypatch.setattr("tmca.priors.gaussian_posterior._AT_ONCE", 5)
+    found = without.posterior(windows)
+    assert "rows" in vars(by_rows)
+    assert "rows" not in vars(without)
+    for name in ("cross", "factor", "cross_valid"):
+        assert_close(getattr(found, name), getattr(expected, name), rtol=1e-9, atol=1e-12)
 
 
 def dense_covariance(posterior, prior, noise):

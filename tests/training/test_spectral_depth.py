@@ -117,12 +117,23 @@ def test_two_buckets_learn_and_their_weights_decode(tmp_path, start):
     assert snapshot.shape == (1, 2, 30, 27)
     decoded = TwoHeadedNetwork(weights.network, camera, weights.load_prior())(snapshot)
     assert decoded.values.shape == (1, 8, 30, 27)
-    own = {name: value for name, value in (TINY | changes).items() if name not in CHOSEN_BY_CODES + ("camera.bench",)}
+    own = {name: value for name, value in (TINY | changes).items() if name not in (*CHOSEN_BY_CODES, "camera.bench")}
     own |= {"codes.start": str(found.weights)}
     for again in (own, {name: value for name, value in own.items() if name != "camera.buckets"}):
         torch.testing.assert_close(starting_camera(described(again)).tile()[1], camera.tile()[1])
     with pytest.raises(SettingError, match=r"camera\.buckets: found 1, expected 2, as in"):
         starting_camera(described(own | {"camera.buckets": 1}))
+
+
+def test_the_frames_of_a_burst_go_on_as_a_burst(tmp_path):
+    changes = {"camera.buckets": 2, "camera.shutter": "burst", "codes.start": "random"}
+    first = train(tmp_path, **changes, **{"optimiser.steps": 1, "validate_every": 1}).weights
+    kept = ("camera.planes", "camera.period", "camera.channels", "camera.filters", "camera.bench")
+    going = {name: value for name, value in (TINY | changes).items() if name not in kept} | {"codes.start": str(first)}
+    camera = starting_camera(described(going | {"camera.learn": ["mask"]}))
+    assert (camera.buckets, camera.shutter.slots) == (2, 4)
+    with pytest.raises(SettingError, match=r"camera\.shutter: found open"):
+        starting_camera(described(going | {"camera.shutter": "open"}))
 
 
 def test_masks_that_learn_to_send_light_away_are_told(tmp_path):

@@ -17,7 +17,8 @@ from tmca.operators.block_layout import BlockLayout, Places, equal_windows, even
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
 from tmca.priors.expected import error_moments, refitted
-from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver, sufficient_precision
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.gaussian_posterior import BlockPosterior, GaussianSolver, sufficient_precision
 from tmca.sensor import Noise
 
 ITERATIONS, TILE = 4, 128

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from tmca.operators.block_layout import Places
 from tmca.operators.blocks import BlockGrid, BlockModel
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 
 MOST_BYTES = 2**31
 """Of the matrices of blocks and cells, which are there at once, or of the factors of all blocks."""

@@ -26,7 +26,7 @@ from tmca.operators.window_moments import CONTAMINATION, WINDOW, sensed_psf, sna
 from tmca.operators.windows import RowBlend, RowMean, WindowRows
 from tmca.optics import DepthPlanes
 from tmca.priors import GaussianPrior, block_of, find_prior
-from tmca.priors.gaussian import NOISE_FLOOR, noise_variance
+from tmca.priors.gaussian_posterior import NOISE_FLOOR, noise_variance
 
 GAINS = tuple(4.0**power for power in range(-4, 4))
 """Variances of a window over the prior's that are tried."""

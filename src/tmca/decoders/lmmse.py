@@ -21,7 +21,7 @@ from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chos
 from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import TapOperator, Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian import BlockPosterior, GaussianSolver
+from tmca.priors.gaussian_posterior import BlockPosterior, GaussianSolver
 from tmca.priors.mixture_posterior import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 

@@ -21,7 +21,8 @@ from tmca.decoders.lmmse import solved_parts
 from tmca.operators.block_layout import BlockLayout, Places, usual_stride
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.gaussian_posterior import BlockPosterior, GaussianSolver
 from tmca.priors.moving import moving_prior, reach_of, smoother_prior
 from tmca.sensor import Noise
 

@@ -31,7 +31,7 @@ from tmca.decoders.moving import SpaceTimeLMMSE
 from tmca.errors import check_range, check_shape
 from tmca.operators.block_layout import BlockLayout, Canvas, Places, usual_stride
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.priors.moving import moving_block, smoother_prior
 
 _MOST = 6  # blurs and motions that are looked at in one block: where a snapshot says little, many are as probable

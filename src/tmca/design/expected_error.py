@@ -20,7 +20,8 @@ from tmca.cameras import CodedCamera
 from tmca.errors import SettingError, check_shape
 from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import GaussianPrior, noise_variance
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.gaussian_posterior import noise_variance
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.sensor import Noise
 

@@ -21,7 +21,7 @@ from tmca.errors import SettingError, check_range
 from tmca.operators.window_moments import CONTAMINATION, SnapshotMoments, snapshot_moments
 from tmca.optics import DepthPlanes, PointSpread
 from tmca.priors import GaussianPrior
-from tmca.priors.gaussian import NOISE_FLOOR
+from tmca.priors.gaussian_posterior import NOISE_FLOOR
 
 STEP = 0.01
 """Bins to either side over which moments are differenced; twice or half of it moves information by less than 0.1 %."""

@@ -14,7 +14,8 @@ from tmca.cameras import CodedCamera
 from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, quadratic, windows
 from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockModel
-from tmca.priors.gaussian import GaussianPrior, noise_variance
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.gaussian_posterior import noise_variance
 from tmca.priors.statistics import pooled
 from tmca.sensor import Noise
 

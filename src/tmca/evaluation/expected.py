@@ -13,7 +13,7 @@ from tmca.cameras import SpectralCamera
 from tmca.errors import SettingError
 from tmca.operators import TapOperator
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior, expected_mse
-from tmca.priors.gaussian import GaussianSolver
+from tmca.priors.gaussian_posterior import GaussianSolver
 
 _PLACES = 16
 PREDICTED = (

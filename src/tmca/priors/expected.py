@@ -10,7 +10,8 @@ from torch import Tensor
 from tmca.errors import SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.operators.taps import Taps
-from tmca.priors.gaussian import BlockPosterior, GaussianPrior, GaussianSolver
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.gaussian_posterior import BlockPosterior, GaussianSolver
 from tmca.priors.statistics import stationary_moments
 from tmca.sensor import Noise
 

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from tmca.errors import SettingError
 from tmca.operators.blocks import BlockModel
-from tmca.priors.gaussian import GaussianSolver, noise_variance, sufficient_precision
+from tmca.priors.gaussian_posterior import GaussianSolver, noise_variance, sufficient_precision
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.priors.statistics import lower_factor, lower_inverse
 from tmca.sensor import Noise
@@ -140,7 +140,7 @@ class MixturePosterior:
     def moments(
         self, blocks: Sequence[int], measured: Sequence[Tensor], with_variance: bool
     ) -> list[tuple[Tensor, Tensor | None]]:
-        """As of `tmca.priors.gaussian.BlockPosterior`."""
+        """As of `tmca.priors.gaussian_posterior.BlockPosterior`."""
         return [self._moments(block, one, with_variance) for block, one in zip(blocks, measured, strict=True)]
 
     def _moments(self, block: int, measured: Tensor, with_variance: bool) -> tuple[Tensor, Tensor | None]:

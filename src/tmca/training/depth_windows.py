@@ -14,7 +14,7 @@ from tmca.decoders.likelihood import GAINS, REACH, TEMPERATURE
 from tmca.decoders.nets.two_headed import DepthEstimate
 from tmca.operators.window_moments import CONTAMINATION, WINDOW, snapshot_moments
 from tmca.priors import GaussianPrior
-from tmca.priors.gaussian import NOISE_FLOOR
+from tmca.priors.gaussian_posterior import NOISE_FLOOR
 
 SIDE = 8
 """Of the windows that codes learn from, pixels: smaller than the decoder's, which costs a third."""

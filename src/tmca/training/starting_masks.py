@@ -13,6 +13,7 @@ from tmca.cameras import SpectralDepthCamera
 from tmca.cameras.phase_codes import read_phase_codes
 from tmca.cameras.phase_settings import phase_settings
 from tmca.cameras.sensor_tiles import check_holds
+from tmca.codes.buckets import BURST, burst_pattern
 from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.optics import (
@@ -133,6 +134,8 @@ def _alike(name: str, asked: Any, stored: dict[str, Any]) -> bool:
         return asked == "free-form" or isinstance(stored["mask"], _FAMILIES.get(asked, ()))
     if name == "shutter":
         slots, opened = stored["shutter"].shape[-3], stored["shutter"].sum(-3)
+        if asked == BURST:
+            return torch.equal(stored["shutter"], burst_pattern(slots, stored["shutter"].shape[-2:], stored["buckets"]))
         return bool((opened == {"open": slots, "one-hot": 1, "balanced": slots // 2}.get(asked, -1)).all())
     value = stored.get(name)
     if isinstance(value, Tensor):

@@ -1,0 +1,225 @@
+"""The posterior of scene blocks under a Gaussian prior, given what they explain of a snapshot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
+from tmca.priors.gaussian import GaussianPrior
+from tmca.priors.statistics import lower_factor
+from tmca.sensor import Noise
+
+_MOST_ROW_BYTES, _AT_ONCE = 2**30, 64
+"""Of covariances of taps with pixels that are stored; without them, measurements that are worked on together."""
+NOISE_FLOOR = 1e-9
+"""Variance of every measurement, squared snapshot units: G stays invertible without noise and without light."""
+
+
+@dataclass(frozen=True)
+class BlockPosterior:
+    """What the measurements of P blocks say about their n pixels, by ``x̂ = μ + S Aᵀ G⁻¹ (y - A μ)``.
+
+    Args:
+        solver: the prior in the precision of the heavy products.
+        weights: (P, T, R·h, columns) of the T taps of a bucket.
+        factor: (P, m, m) lower Cholesky factor of G = A S Aᵀ + noise, float64.
+        expected: (P, m) expected measurements A μ.
+        known: `cross`, where it is there already.
+    """
+
+    solver: GaussianSolver
+    weights: Tensor
+    factor: Tensor
+    expected: Tensor
+    known: Tensor | None = None
+
+    @cached_property
+    def cross(self) -> Tensor:
+        """(m, P, n) covariance A S of measurements with pixels."""
+        return self.solver.cross(self.weights) if self.known is None else self.known
+
+    @cached_property
+    def cross_valid(self) -> Tensor:
+        """(m, P, valid) the same of the valid columns."""
+        return self._with(self.solver.valid_rows) if self.known is None else self.solver.model.in_valid(self.known)
+
+    def _with(self, rows: Tensor) -> Tensor:
+        return self.solver.model.cross_covariance(self.weights, rows)
+
+    def estimate(self, block: int, measured: Tensor) -> Tensor:
+        """(N, n) linear minimum-mean-square-error estimate of one block from measurements (N, m)."""
+        return self._estimates([block], [measured])[0]
+
+    def _estimates(self, blocks: Sequence[int], measured: Sequence[Tensor]) -> list[Tensor]:
+        solver = self.solver
+        solved = [self._solved(block, values) for block, values in zip(blocks, measured, strict=True)]
+        if self.known is not None:
+            return [solver.mean + part @ self._cross[block] for block, part in zip(blocks, solved, strict=True)]
+        counts = [len(part) for part in solved]
+        seen = torch.tensor(blocks).repeat_interleave(torch.tensor(counts))
+        away = solver.smoothing(solver.model.spread(self.weights[seen], torch.cat(solved)))
+        return [solver.mean + part for part in away.split(counts)]
+
+    def _solved(self, block: int, measured: Tensor) -> Tensor:
+        """(N, m) G⁻¹ (y - A μ) of one block."""
+        factor, expected = self._equations[block]
+        return torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(self.solver.dtype)
+
+    def log_evidence(self, block: int, measured: Tensor) -> Tensor:
+        """(N,) log probability density of measurements (N, m) of one block, up to what depends on m alone."""
+        factor, expected = self._equations[block]
+        white = torch.linalg.solve_triangular(factor, (measured - expected).double().mT, upper=False)
+        return -factor.diagonal().log().sum() - white.square().sum(0) / 2
+
+    def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
+        """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
+        and the variance (n,) of its error."""
+        cross, factor, expected = self.cross[:, block], self.factor[block], self.expected[block]
+        exact = torch.cholesky_inverse(factor) @ cross.double()
+        dark = self.solver.mean - (expected.double() @ exact).to(cross.dtype)
+        gain = exact.to(cross.dtype)
+        return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
+
+    @cached_property
+    def _equations(self) -> Sequence[tuple[Tensor, Tensor]]:
+        """Factor and expected measurements of every block, unbound at once: the derivative of an index would fill a
+        tensor of all blocks for each."""
+        return list(zip(self.factor.unbind(0), self.expected.unbind(0), strict=True))
+
+    @cached_property
+    def _cross(self) -> Sequence[Tensor]:
+        """Covariances with pixels, likewise."""
+        return self.cross.unbind(1)
+
+    def error_variance(self) -> Tensor:
+        """(P, n) posterior variance of every pixel, the same whatever is measured."""
+        pairs = zip(self._equations, self._cross, strict=True)
+        explained = [explained_variance(factor, cross) for (factor, _), cross in pairs]
+        return (self.solver.variance - torch.stack(explained)).clamp(min=0)
+
+    def valid_variance(self, block: int) -> Tensor:
+        """(valid,) the same of one block's valid columns."""
+        before = self.solver.model.in_valid(self.solver.variance)
+        return (before - explained_variance(self.factor[block], self.cross_valid[:, block])).clamp(min=0)
+
+    def moments(
+        self, blocks: Sequence[int], measured: Sequence[Tensor], with_variance: bool
+    ) -> list[tuple[Tensor, Tensor | None]]:
+        """Estimates (N, n) of some blocks from measurements (N, m) of each and, if asked for, variances (N, valid) of
+        their valid columns."""
+        pairs = zip(blocks, self._estimates(blocks, measured), strict=True)
+        return [
+            (one, self.valid_variance(block).expand(len(one), -1) if with_variance else None) for block, one in pairs
+        ]
+
+
+def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
+    """(n,) variance that measurements remove: their covariance has the factor (m, m), that with pixels is (m, n)."""
+    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor)).to(factor), upper=False).to(cross.dtype)
+    explained, start = cross.new_zeros(cross.shape[1:]), 0
+    for rows in inverse.chunk(4):  # zero above the diagonal
+        end = start + len(rows)
+        explained = explained + (rows[:, :end] @ cross[:end]).square_().sum(0)
+        start = end
+    return explained
+
+
+class GaussianSolver:
+    """The posteriors of blocks under one prior, camera and noise.
+
+    Args:
+        prior: of the blocks.
+        model: geometry of the camera's taps on the blocks.
+        noise: of the sensor.
+        dtype: of the heavy products; None takes float32 where the noise allows it.
+    """
+
+    def __init__(self, prior: GaussianPrior, model: BlockModel, noise: Noise, dtype: torch.dtype | None = None) -> None:
+        self.prior, self.model, self.noise = prior, model, noise
+        self.dtype = dtype or sufficient_precision(prior, model, noise)
+        self.mean = prior.mean.reshape(-1).to(self.dtype)
+        self.variance = prior.variance.to(self.dtype)
+
+    @cached_property
+    def covariance(self) -> MeasurementCovariance:
+        """Of measurements, under a stationary prior."""
+        return MeasurementCovariance(self.prior.displaced.to(self.dtype), self.model)
+
+    @cached_property
+    def smoothing(self) -> Smoothing:
+        """Products with the covariance of a stationary prior."""
+        return Smoothing(self.prior.displaced.to(self.dtype))
+
+    @cached_property
+    def rows(self) -> Tensor:
+        """(m, T, n) covariance of the pixels that taps bring to measurements with all pixels."""
+        return self.prior.rows(self.model.pixels(), self.dtype)
+
+    def cross(self, weights: Tensor) -> Tensor:
+        """(m, P, n) covariance A S of the measurements of blocks, whose taps have these weights, with their pixels."""
+        entries = self.model.pixels().numel() * self.mean.numel()
+        if not self.prior.stationary or entries * self.dtype.itemsize <= _MOST_ROW_BYTES:
+            return self.model.cross_covariance(weights, self.rows)
+        units = torch.eye(self.model.measurements).to(weights)
+        return torch.stack([self._light_of(units, one[None]) for one in weights], 1)
+
+    def _light_of(self, units: Tensor, weights: Tensor) -> Tensor:
+        """(m, n) S Aᵀ of single measurements of one block, some at once."""
+        some = (self.model.spread(weights.expand(len(part), -1, -1, -1), part) for part in units.split(_AT_ONCE))
+        return torch.cat([self.smoothing(part) for part in some])
+
+    @cached_property
+    def valid_rows(self) -> Tensor:
+        """(m, T, valid) the same with those of the valid columns."""
+        if "rows" in vars(self):
+            return self.model.in_valid(self.rows)
+        return self.prior.rows(self.model.pixels(), self.dtype, slice(*self.model.valid))
+
+    def drop_rows(self) -> None:
+        """Free the rows, tens of megabytes that are made again where they are asked for."""
+        for name in ("rows", "valid_rows"):
+            vars(self).pop(name, None)
+
+    def posterior(self, windows: Tensor, estimates: float | None = None, variance: bool = False) -> BlockPosterior:
+        """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows.
+
+        Args:
+            estimates: of each block that will be asked for, which decides how they are computed; None where
+                covariances with pixels are asked for.
+            variance: of valid columns will be asked for.
+        """
+        weights = self.model.complete(windows.to(self.dtype))
+        expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
+        if estimates is not None and self._by_displacement(weights, estimates, variance):
+            cross, signal = None, self.covariance(weights)
+        else:
+            cross = self.cross(weights)
+            signal = self.model.measure(weights, cross).transpose(0, 1)
+        noise = torch.diag_embed(noise_variance(expected, self.noise))
+        return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
+
+    def _by_displacement(self, weights: Tensor, estimates: float, variance: bool) -> bool:
+        possible = self.prior.stationary and weights.device.type == "cpu" and not weights.requires_grad
+        return possible and displacement_pays(self.model, estimates, variance)
+
+    def typical_variance(self, windows: Tensor) -> Tensor:
+        """(n,) posterior variance of each pixel, averaged over code windows."""
+        return self.posterior(windows).error_variance().mean(0)
+
+
+def noise_variance(expected: Tensor, noise: Noise) -> Tensor:
+    """Noise variance, float64, of measurements whose expected values are given."""
+    return noise.read**2 + NOISE_FLOOR + noise.shot * expected.double().clamp(min=0)
+
+
+def sufficient_precision(prior: GaussianPrior, model: BlockModel, noise: Noise) -> torch.dtype:
+    """float32 where the noise stands well above its rounding errors, float64 where there is next to none."""
+    pixels = model.pixels()
+    signal = prior.variance[pixels].sum(1).mean()
+    variance = noise.read**2 + noise.shot * prior.mean.reshape(-1)[pixels].mean()
+    return torch.float32 if variance > 1e-6 * signal else torch.float64
