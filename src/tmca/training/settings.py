@@ -28,6 +28,8 @@ class CameraSettings(Spec):
     "Whether the slots share one exposure time, or each has its own."
     seed: int = 0
     "Of the codes."
+    buckets: Annotated[int, Field(ge=1, le=256)] = 1
+    "Of a sensor pixel; with 2, the light of closed slots is read too."
     learn: Any = "none"
     "Which codes are learned."
 
@@ -43,8 +45,6 @@ class MaskCameraSettings(CameraSettings):
     "Share of open aperture pixels."
     duty: float = Field(default=0.5, gt=0, lt=1)
     "Share of open shutter pixels."
-    buckets: Annotated[int, Field(ge=1, le=256)] = 1
-    "Of a sensor pixel; with 2, the light of closed slots is read too."
     period: Pixels | tuple[Pixels, Pixels] | None = None
     "Tile of the codes, which is seen in every step; a full frame is seen rarely."
     learn: Literal["both", "aperture", "shutter", "none"] = "none"

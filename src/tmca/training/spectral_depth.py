@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 import torch
@@ -63,8 +63,6 @@ class SpectralDepthCameraSettings(CameraSettings):
     "Replaces arguments of `PhaseMaskBench`."
     shutter: str | None = None
     "Family of the shutter codes."
-    buckets: Annotated[int, Field(ge=1, le=256)] = 1
-    "Of a sensor pixel; with 2, the light of closed slots is read too."
     filters: str | None = None
     "Colour filters over the pixels."
     channels: str | None = None
