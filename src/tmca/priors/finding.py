@@ -27,11 +27,13 @@ Progress = Callable[[float, str], None]
 """Takes the share that is done, and what is done next."""
 _SIZE, _RANGE = (256, 256), (400e-9, 700e-9)
 _VIEWS_SIZE, _VIEWS_SEEDS = (128, 160), (0, 1)
-_LARGEST_BLOCKS = {"mixture": (8, 3456), "subspace": (12, 26880)}
-"""Most rows, and entries, of blocks whose covariance is stored for every pair of pixels or at any band."""
+_LARGEST_BLOCKS = {"gaussian": (12, 5184), "mixture": (8, 3456), "subspace": (12, 26880)}
+"""Most rows, and entries."""
 _COMPLETE, _MOST_COMPLETE = 14, 40
 """Columns that see all their light from inside a block: these, or three quarters of the dispersion."""
-_FEWEST_ROWS, _MOST_ROWS, _MEASUREMENTS = 2, 12, 400
+_FEWEST_ROWS = 2
+_MEASURED_ROWS, _MEASUREMENTS = 8, 400
+"""Rows that blocks under a Gaussian have where no more measurements than these lie in them."""
 _WIDEST = 54
 """Columns of dispersion for which priors of any bands are learned: two pixels for each of 28 bands."""
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
@@ -191,7 +193,8 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     Blocks of cubes are wide enough that some columns see all their light from inside. For 12 bands at one pixel per
     band they are 12×36 (Gaussian) and 8×36 (mixture). On training scenes left out one by one, 16×36 gives 0.1 dB more
     for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``). Other cameras get as many rows as keep the
-    matrix of a Gaussian's measurements about that large: 7×82 for 31 bands, 4×148 for 28 bands at two pixels per band.
+    covariance about that large; under a Gaussian, whose covariance is never stored, up to 8 as keep the matrix of
+    measurements about that large: 7×82 for 31 bands, 4×148 for 28 bands at two pixels per band.
     On three scenes of CAVE these give 1.8 and 1.9 dB more than 2×74 and 2×122 at σ = 0.01 and 0.001. Blocks of views
     are square and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
     """
@@ -200,11 +203,11 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     if views is not None:
         side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
         return side - 1 + side % 2, side - 1 + side % 2
-    if kind in _LARGEST_BLOCKS:
-        columns, (most, entries) = max(2 * extent + _COMPLETE, 24), _LARGEST_BLOCKS[kind]
-        return max(_FEWEST_ROWS, min(most, entries // (bands * columns))), columns
-    columns = max(2 * extent + min(max(_COMPLETE, 3 * extent // 4), _MOST_COMPLETE), 24)
-    return max(_FEWEST_ROWS, min(_MOST_ROWS, _MEASUREMENTS // (columns - extent))), columns
+    complete = min(max(_COMPLETE, 3 * extent // 4), _MOST_COMPLETE) if kind == "gaussian" else _COMPLETE
+    columns, (most, entries) = max(2 * extent + complete, 24), _LARGEST_BLOCKS.get(kind, _LARGEST_BLOCKS["gaussian"])
+    measured = min(_MEASURED_ROWS, _MEASUREMENTS // (columns - extent)) if kind == "gaussian" else 0
+    return max(_FEWEST_ROWS, min(most, entries // (bands * columns)), measured), columns
+
 
 
 def learn_prior(
