@@ -209,7 +209,6 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     return max(_FEWEST_ROWS, min(most, entries // (bands * columns)), measured), columns
 
 
-
 def learn_prior(
     scenes: Iterable[xr.DataArray | xr.Dataset],
     camera: Any = None,
