@@ -43,7 +43,7 @@ def figures(found: dict[str, float], goals: dict[str, float]) -> str:
     """Numbers with their units, and goals in brackets."""
     units = {name: " s" for name in ("first", "preparing", "next", "floor", "anew")}
     return ", ".join(
-        f"{name} {value:.2g}{units.get(name, '')}" + (f" ({goals[name]:g})" if name in goals else "")
+        f"{name} {value:.3g}{units.get(name, '')}" + (f" ({goals[name]:g})" if name in goals else "")
         for name, value in found.items()
     )
 

@@ -16,6 +16,7 @@ from timing import Clock, peak_memory
 from torch import Tensor
 
 import tmca
+from tmca.data import rendered_scene
 from tmca.data.in_memory import as_tensors
 from tmca.decoders import decode, make_decoder
 from tmca.priors import find_prior
@@ -41,7 +42,7 @@ def large() -> tuple[Any, Any]:
     """660×660 pixels in 28 bands behind one random mask, two pixels a band."""
     waves = np.linspace(453.3e-9, 648.1e-9, 28).tolist()
     camera = tmca.SpectralCamera(waves, (660, 660), 1, shutter="open", dispersion=2.0, sensor=SENSOR)
-    scene = tmca.read("coffee").sel(y=slice(None), x=slice(None))
+    scene = rendered_scene("coffee", wavelengths=waves, size=(400, 600))["radiance"]
     return _taken(camera, _laid(scene, (660, 660)))
 
 
@@ -109,7 +110,7 @@ def likelihood() -> Found:
     """Beside the floor, the operator forward and back."""
     camera = tmca.SpectralDepthCamera.from_preset("thesis", sensor=SENSOR)
     scene = camera.fitted(tmca.read("coffee", kind="spectral-depth"))
-    depth, cube = as_tensors(scene)
+    cube, depth = as_tensors(scene)
 
     def there_and_back() -> Tensor:
         return camera.A_adjoint(camera.A(cube, depth), depth)
@@ -150,7 +151,7 @@ def _scene(camera: Any) -> Tensor:
 
 
 def live(exposures: int = 3000) -> Found:
-    """Estimates a second of `tmca live` with the simulated bench and a recording, all on this core, and its memory."""
+    """Estimates a second of `tmca live` with the simulated bench and a recording, all on this core."""
     with tempfile.TemporaryDirectory() as folder:
         snapshot, export = f"{folder}/s.nc", f"{folder}/patterns"
         codes = ["--slots", "8", "--shutter", "random", "--period", "32", "--read-noise", "0.01", "--bands", "12"]
@@ -167,9 +168,11 @@ def live(exposures: int = 3000) -> Found:
             "--json",
             "--exposures",
             f"{exposures}",
+            "--rate",
+            "100",
         ]
         said = json.loads(_run(*words, "--record", f"{folder}/r.zarr"))
-    return {"estimates a second": said["rate"], "exposures": said["exposures"], "dropped": said["dropped"]}
+    return {"estimates a second": said["rate"], "estimates": said["estimates"], "dropped": said["dropped"]}
 
 
 def _run(*words: str) -> str:

@@ -55,7 +55,7 @@ MUTATIONS = {
         ("sensor/test_sensor.py", "measured_mean"),
     ),
     "noise of the LMMSE": (
-        "priors/gaussian.py",
+        "priors/gaussian_posterior.py",
         "return noise.read**2 + NOISE_FLOOR",
         "return NOISE_FLOOR",
         ("operators/test_blocks.py", "textbook"),

@@ -48,6 +48,8 @@ def test_the_camera_decides_the_block_and_small_scenes_shrink_it():
     assert (block_of(wide), block_of(wide, "mixture")) == ((12, 36), (8, 36))
     many = (SpectralCamera(bands=31, size=(8, 30)), SpectralCamera(bands=28, size=(8, 30), dispersion=2.0))
     assert [block_of(one) for one in many] == [(7, 82), (4, 148)]
+    others = ({"buckets": 2, "shutter": "balanced"}, {"disperser": "dual"})
+    assert [block_of(SpectralCamera(bands=31, size=(8, 30), **how)) for how in others] == [(2, 74), (2, 74)]
     assert (block_of(LightFieldCamera(5, (8, 8))), block_of(LightFieldCamera(9, (8, 8)))) == ((9, 9), (5, 5))
     assert learn_prior([cube(size=(10, 20))], SPECTRAL).block == (3, 10, 20)
     assert learn_prior([cube()], SPECTRAL, block=(4, 9)).block == (3, 4, 9)

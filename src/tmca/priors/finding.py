@@ -33,7 +33,7 @@ _COMPLETE, _MOST_COMPLETE = 14, 40
 """Columns that see all their light from inside a block: these, or three quarters of the dispersion."""
 _FEWEST_ROWS = 2
 _MEASURED_ROWS, _MEASUREMENTS = 8, 400
-"""Rows that blocks under a Gaussian have where no more measurements than these lie in them."""
+"""Most rows that blocks under a Gaussian get beyond these limits, and most measurements in such a block."""
 _WIDEST = 54
 """Columns of dispersion for which priors of any bands are learned: two pixels for each of 28 bands."""
 _VIEW_ENTRIES, _LARGEST_SIDE = 2600, 11
@@ -184,18 +184,23 @@ def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> 
     if camera.psf_window is not None:
         side = camera.tile_size if window is None else window
         return needed_block(max(WINDOW, side), camera.psf_window)
-    return usual_block(kind, prod(camera.scene_shape[:-2]), camera.dispersion_extent, camera.views)
+    widened = camera.views is None and camera.snapshot_shape[-1] - camera.size[1]
+    plain = camera.buckets == 1 and widened == camera.dispersion_extent
+    return usual_block(kind, prod(camera.scene_shape[:-2]), camera.dispersion_extent, camera.views, plain=plain)
 
 
-def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, int] | None = None) -> tuple[int, int]:
+def usual_block(
+    kind: str, bands: int = 0, extent: int = 0, views: tuple[int, int] | None = None, *, plain: bool = True
+) -> tuple[int, int]:
     """(rows, columns) of blocks of cubes or views.
 
     Blocks of cubes are wide enough that some columns see all their light from inside. For 12 bands at one pixel per
     band they are 12×36 (Gaussian) and 8×36 (mixture). On training scenes left out one by one, 16×36 gives 0.1 dB more
     for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``). Other cameras get as many rows as keep the
-    covariance about that large; under a Gaussian, whose covariance is never stored, up to 8 as keep the matrix of
-    measurements about that large: 7×82 for 31 bands, 4×148 for 28 bands at two pixels per band.
-    On three scenes of CAVE these give 1.8 and 1.9 dB more than 2×74 and 2×122 at σ = 0.01 and 0.001. Blocks of views
+    covariance about that large. ``plain`` ones, of one bucket behind one prism, get up to 8 under a Gaussian, whose
+    covariance is never stored, as keep the matrix of measurements about that large: 7×82 for 31 bands, 4×148 for 28
+    bands at two pixels per band. On three scenes of CAVE these give 1.8 and 1.9 dB more than 2×74 and 2×122, at
+    σ = 0.01 and 0.001. Blocks of views
     are square and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
     """
     if kind == "dictionary":
@@ -203,9 +208,10 @@ def usual_block(kind: str, bands: int = 0, extent: int = 0, views: tuple[int, in
     if views is not None:
         side = min(_LARGEST_SIDE, max(3, int((_VIEW_ENTRIES / (views[0] * views[1])) ** 0.5)))
         return side - 1 + side % 2, side - 1 + side % 2
-    complete = min(max(_COMPLETE, 3 * extent // 4), _MOST_COMPLETE) if kind == "gaussian" else _COMPLETE
+    tall = plain and kind == "gaussian"
+    complete = min(max(_COMPLETE, 3 * extent // 4), _MOST_COMPLETE) if tall else _COMPLETE
     columns, (most, entries) = max(2 * extent + complete, 24), _LARGEST_BLOCKS.get(kind, _LARGEST_BLOCKS["gaussian"])
-    measured = min(_MEASURED_ROWS, _MEASUREMENTS // (columns - extent)) if kind == "gaussian" else 0
+    measured = min(_MEASURED_ROWS, _MEASUREMENTS // (columns - extent)) if tall else 0
     return max(_FEWEST_ROWS, min(most, entries // (bands * columns)), measured), columns
 
 

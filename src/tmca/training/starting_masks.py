@@ -136,6 +136,8 @@ def _alike(name: str, asked: Any, stored: dict[str, Any]) -> bool:
         slots, opened = stored["shutter"].shape[-3], stored["shutter"].sum(-3)
         if asked == BURST:
             return torch.equal(stored["shutter"], burst_pattern(slots, stored["shutter"].shape[-2:], stored["buckets"]))
+        if stored["shutter"].ndim > 3:
+            return False
         return bool((opened == {"open": slots, "one-hot": 1, "balanced": slots // 2}.get(asked, -1)).all())
     value = stored.get(name)
     if isinstance(value, Tensor):
@@ -149,6 +151,6 @@ def _of_weights(start: Path) -> dict[str, Any]:
     weights = Weights.load(start)
     camera = weights.camera
     sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths}
-    sensor["buckets"] = camera.buckets
+    sensor |= {"buckets": camera.buckets}
     stated = attributes_of(PhaseAttributes, weights.variables.attrs, start)
     return {**phase_settings(weights.variables, str(start), stated), **sensor, "exposure": camera.exposure}
