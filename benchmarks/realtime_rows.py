@@ -76,7 +76,8 @@ def alone(taken: tuple[Any, Any], name: str) -> Found:
 
 def fast() -> Found:
     """The smaller bank, and what it loses against the exact estimate."""
-    taken, truth = spectral(TILED), _scene(spectral(TILED)[0].camera)
+    taken = spectral(TILED)
+    truth = _scene(taken[0].camera)
     quick = make_decoder("lmmse", "spectral", {"uncertainty": True, "fast": True}).prepare(taken[0].camera)
     exact = decode(taken[1], "lmmse")
     errors = [(one.values - truth).square().mean().log10() for one in (quick(taken[1]), exact)]
@@ -157,21 +158,8 @@ def live(exposures: int = 3000) -> Found:
         codes = ["--slots", "8", "--shutter", "random", "--period", "32", "--read-noise", "0.01", "--bands", "12"]
         _run("simulate", "spectral", "coffee", "--crop", "256x256", *codes, "--out", snapshot)
         _run("export", snapshot, "--device", "dli4120", "--device", "coded-exposure", "--out", export, "--no-figures")
-        words = [
-            "live",
-            export,
-            "--scene",
-            "coffee",
-            "--drift",
-            "0,1",
-            "--no-page",
-            "--json",
-            "--exposures",
-            f"{exposures}",
-            "--rate",
-            "100",
-        ]
-        said = json.loads(_run(*words, "--record", f"{folder}/r.zarr"))
+        how = ["--scene", "coffee", "--drift", "0,1", "--no-page", "--json", "--rate", "100"]
+        said = json.loads(_run("live", export, *how, "--exposures", f"{exposures}", "--record", f"{folder}/r.zarr"))
     return {"estimates a second": said["rate"], "estimates": said["estimates"], "dropped": said["dropped"]}
 
 

@@ -184,8 +184,8 @@ def block_of(camera: Any, kind: str = "gaussian", window: int | None = None) -> 
     if camera.psf_window is not None:
         side = camera.tile_size if window is None else window
         return needed_block(max(WINDOW, side), camera.psf_window)
-    widened = camera.views is None and camera.snapshot_shape[-1] - camera.size[1]
-    plain = camera.buckets == 1 and widened == camera.dispersion_extent
+    one_prism = camera.snapshot_shape[-1] - camera.size[1] == camera.dispersion_extent
+    plain = one_prism and camera.buckets == 1
     return usual_block(kind, prod(camera.scene_shape[:-2]), camera.dispersion_extent, camera.views, plain=plain)
 
 
@@ -200,8 +200,7 @@ def usual_block(
     covariance about that large. ``plain`` ones, of one bucket behind one prism, get up to 8 under a Gaussian, whose
     covariance is never stored, as keep the matrix of measurements about that large: 7×82 for 31 bands, 4×148 for 28
     bands at two pixels per band. On three scenes of CAVE these give 1.8 and 1.9 dB more than 2×74 and 2×122, at
-    σ = 0.01 and 0.001. Blocks of views
-    are square and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
+    σ = 0.01 and 0.001. Blocks of views are square and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
     """
     if kind == "dictionary":
         return PATCH

@@ -46,10 +46,10 @@ class BlockPosterior:
     @cached_property
     def cross_valid(self) -> Tensor:
         """(m, P, valid) the same of the valid columns."""
-        return self._with(self.solver.valid_rows) if self.known is None else self.solver.model.in_valid(self.known)
-
-    def _with(self, rows: Tensor) -> Tensor:
-        return self.solver.model.cross_covariance(self.weights, rows)
+        model = self.solver.model
+        if self.known is None:
+            return model.cross_covariance(self.weights, self.solver.valid_rows)
+        return model.in_valid(self.known)
 
     def estimate(self, block: int, measured: Tensor) -> Tensor:
         """(N, n) linear minimum-mean-square-error estimate of one block from measurements (N, m)."""
@@ -181,7 +181,7 @@ class GaussianSolver:
         return self.prior.rows(self.model.pixels(), self.dtype, slice(*self.model.valid))
 
     def drop_rows(self) -> None:
-        """Free the rows, tens of megabytes that are made again where they are asked for."""
+        """Free the rows, up to a gigabyte that is made again where it is asked for."""
         for name in ("rows", "valid_rows"):
             vars(self).pop(name, None)
 

@@ -150,7 +150,7 @@ def _of_weights(start: Path) -> dict[str, Any]:
     """What ``read_phase_codes`` says of a file, of a trained camera."""
     weights = Weights.load(start)
     camera = weights.camera
-    sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths}
-    sensor |= {"buckets": camera.buckets}
+    sensor = {"filters": camera.filters.filters, "channels": camera.response, "bands": camera.wavelengths,
+              "buckets": camera.buckets}  # fmt: skip
     stated = attributes_of(PhaseAttributes, weights.variables.attrs, start)
     return {**phase_settings(weights.variables, str(start), stated), **sensor, "exposure": camera.exposure}
