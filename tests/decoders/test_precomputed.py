@@ -192,7 +192,8 @@ def test_what_is_stored_are_the_factors(no_room_for_banks):
     taps = camera("single disperser", 7, 23)
     factors = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors
     for part, posterior in factors.parts:
-        assert len(posterior.folded) == len(part) and not posterior.factor.numel()
+        assert len(posterior.folded) == len(part)
+        assert not posterior.factor.numel()
         assert posterior.known is None
         assert not {"cross", "cross_valid"} & set(vars(posterior))
     assert "rows" not in vars(posterior.solver)

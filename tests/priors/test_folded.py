@@ -12,7 +12,8 @@ def test_folded_factors_are_whole_again_and_solve(side):
     factors = torch.linalg.cholesky(roots @ roots.mT)
     room = FoldedFactors.room(5, side)
     part = room.filled(2, factors)
-    assert len(part) == 3 and part.triangles.data_ptr() == room.triangles[2].data_ptr()
+    assert len(part) == 3
+    assert part.triangles.data_ptr() == room.triangles[2].data_ptr()
     values = torch.arange(2 * side, dtype=torch.float64).reshape(2, side)
     for one in range(3):
         assert torch.equal(part.whole(one), factors[one])
