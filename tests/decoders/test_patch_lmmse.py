@@ -79,7 +79,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("period", "stride"), [(None, (2, 8)), ((3, 4), (1, 8)), ((2, 6), (2, 6)), ((5, 9), (1, 8)), ((1, 1), (2, 8))]
+    ("period", "stride"), [(None, (3, 8)), ((3, 4), (3, 8)), ((2, 6), (2, 6)), ((5, 9), (3, 8)), ((1, 1), (3, 8))]
 )
 def test_blocks_step_by_what_fits_the_tile_of_the_code(period, stride):
     taps = camera("single disperser", 12, 33, period=period)

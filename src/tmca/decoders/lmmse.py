@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +20,8 @@ from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chos
 from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import TapOperator, Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.gaussian_posterior import BlockPosterior, GaussianSolver
+from tmca.priors.folded import FoldedFactors
+from tmca.priors.gaussian_posterior import BlockPosterior, FoldedPosterior, GaussianSolver
 from tmca.priors.mixture_posterior import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 
@@ -187,8 +187,8 @@ def solved_parts(
     layout: BlockLayout, solver: Solver, groups: list[Places], batch: int, variance: bool
 ) -> Iterator[Solved]:
     """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows, for so many snapshots."""
-    model = layout.grid.model
-    most = max(1, MEMORY // (model.measurements * prod(model.block) * solver.dtype.itemsize))
+    each = batch * sum(map(len, groups)) / max(1, len(groups))
+    most = solver.at_once(layout.code, MEMORY, each, variance)
     for start in range(0, len(groups), most):
         part = groups[start : start + most]
         windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
@@ -292,18 +292,17 @@ class Factors:
     @classmethod
     def of(cls, layout: BlockLayout, window: Tensor, solver: GaussianSolver) -> Factors | None:
         """None where they take more than ``MOST_BYTES``, or covariances with pixels would have to be stored too."""
-        groups, measurements = layout.groups, layout.grid.model.measurements
-        if len(groups) * measurements**2 * torch.float64.itemsize > MOST_BYTES:
+        groups, parts, start = layout.groups, list[tuple[list[Places], BlockPosterior]](), 0
+        if FoldedFactors.bytes_of(len(groups), layout.grid.model.measurements) > MOST_BYTES:
             return None
-        parts: list[tuple[list[Places], BlockPosterior]] = []
-        room: Tensor | None = None
+        solver.drop_rows()
+        room: FoldedPosterior | None = None
         for part, posterior in solved_parts(layout, solver, groups, 1, False):
             if not isinstance(posterior, BlockPosterior) or posterior.known is not None:
                 return None
-            if room is None:
-                room = posterior.factor.new_empty(len(groups), measurements, measurements)
-            place, room = room[: len(part)], room[len(part) :]
-            parts.append((part, replace(posterior, factor=place.copy_(posterior.factor.mT).mT)))
+            room = room or FoldedPosterior.room(solver, len(groups))
+            parts.append((part, room.filled(start, posterior)))
+            start += len(part)
         return cls(layout, window, parts)
 
     def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:

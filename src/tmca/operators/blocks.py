@@ -212,18 +212,18 @@ class MeasurementCovariance:
         """(P, m, m) of blocks whose taps have the weights (P, T, R·h, columns)."""
         buckets, h, columns = self.model.buckets, self.model.block[1], self.model.columns
         every = weights.unflatten(2, (buckets, h))
-        first, second = every.permute(4, 0, 2, 3, 1).contiguous(), every.permute(2, 0, 3, 1, 4).contiguous()
-        total = weights.new_zeros(len(weights), buckets, h, columns, buckets, h, columns)
+        first, second = every.permute(4, 3, 0, 2, 1).contiguous(), every.permute(2, 3, 0, 1, 4).contiguous()
+        total = weights.new_empty(len(weights), buckets, h, columns, buckets, h, columns)
         for apart, between in enumerate(self.between):
-            upper = total.diagonal(apart, 2, 5)
-            share = 0.5 if apart == 0 else 1.0
+            upper, lower = total.diagonal(apart, 2, 5), total.diagonal(-apart, 2, 5)
             for column in range(columns):
-                light = (first[column, :, :, : h - apart] @ between[column]).unflatten(-1, (-1, columns))
+                light = (first[column, : h - apart] @ between[column]).unflatten(-1, (-1, columns))
                 for bucket in range(buckets):
-                    pairs = (light * second[bucket, :, None, apart:]).sum(-2)
-                    upper[:, :, column, bucket] = (share * pairs).movedim(-1, 2)
-        whole = total.reshape(len(weights), self.model.measurements, -1)
-        return whole + whole.mT
+                    pairs = (light * second[bucket, apart:, :, None]).sum(-2)
+                    upper[:, :, column, bucket] = pairs.permute(1, 2, 3, 0)
+                    if apart:
+                        lower[:, bucket, :, :, column] = pairs.permute(1, 3, 2, 0)
+        return total.reshape(len(weights), self.model.measurements, -1)
 
 
 class Smoothing:

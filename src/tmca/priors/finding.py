@@ -199,8 +199,8 @@ def usual_block(
     for twice the matrix, 6×36 0.5 dB less (``benchmarks/defaults.py``). Other cameras get as many rows as keep the
     covariance about that large. ``plain`` ones, of one bucket behind one prism, get up to 8 under a Gaussian, whose
     covariance is never stored, as keep the matrix of measurements about that large: 7×82 for 31 bands, 4×148 for 28
-    bands at two pixels per band. On three scenes of CAVE these give 1.8 and 1.9 dB more than 2×74 and 2×122, at
-    σ = 0.01 and 0.001. Blocks of views are square and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
+    bands at two pixels per band, 2 dB more than 2×122 gives (``benchmarks/many_bands.py``). Blocks of views are square
+    and of odd sides: 9×9 for 5×5 views, 5×5 for 9×9, 11×11 at most.
     """
     if kind == "dictionary":
         return PATCH

@@ -105,7 +105,7 @@ class GaussianPrior(Prior):
         if not self.stationary:
             return self.moments.to(dtype)[pixels].unflatten(-1, self.block)[..., columns].flatten(-3)
         (_, h, w), moments = self.block, self.displaced.to(dtype)
-        channel, row, column = torch.unravel_index(pixels, self.block)
+        channel, row, column = pixels // (h * w), pixels // w % h, pixels % w
         every = moments.unfold(2, h, 1).unfold(3, w, 1)[..., columns]
         return every[channel, :, h - 1 - row, w - 1 - column].flatten(-3)
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
 from torch import Tensor
 
 from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
+from tmca.priors.folded import FoldedFactors
 from tmca.priors.gaussian import GaussianPrior
-from tmca.priors.statistics import lower_factor
+from tmca.priors.statistics import lower_factor, lower_inverse
 from tmca.sensor import Noise
 
-_MOST_ROW_BYTES, _AT_ONCE = 2**30, 64
-"""Of covariances of taps with pixels that are stored; without them, measurements that are worked on together."""
+_MOST_ROW_BYTES, _AT_ONCE, _SOLVED_AT_ONCE = 2**30, 64, 32
+"""Of covariances of taps with pixels that are stored; without them, measurements that are worked on together, and
+blocks: about as many as a processor's cache has room for."""
 NOISE_FLOOR = 1e-9
 """Variance of every measurement, squared snapshot units: G stays invertible without noise and without light."""
 
@@ -27,7 +29,7 @@ class BlockPosterior:
     Args:
         solver: the prior in the precision of the heavy products.
         weights: (P, T, R·h, columns) of the T taps of a bucket.
-        factor: (P, m, m) lower Cholesky factor of G = A S Aᵀ + noise, float64.
+        factor: (P, m, m) lower Cholesky factor of G = A S Aᵀ + noise; float64.
         expected: (P, m) expected measurements A μ.
         known: `cross`, where it is there already.
     """
@@ -70,6 +72,10 @@ class BlockPosterior:
         factor, expected = self._equations[block]
         return torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(self.solver.dtype)
 
+    def _factor(self, block: int) -> Tensor:
+        """(m, m) of one block."""
+        return self.factor[block]
+
     def log_evidence(self, block: int, measured: Tensor) -> Tensor:
         """(N,) log probability density of measurements (N, m) of one block, up to what depends on m alone."""
         factor, expected = self._equations[block]
@@ -105,7 +111,7 @@ class BlockPosterior:
     def valid_variance(self, block: int) -> Tensor:
         """(valid,) the same of one block's valid columns."""
         before = self.solver.model.in_valid(self.solver.variance)
-        return (before - explained_variance(self.factor[block], self.cross_valid[:, block])).clamp(min=0)
+        return (before - explained_variance(self._factor(block), self.cross_valid[:, block])).clamp(min=0)
 
     def moments(
         self, blocks: Sequence[int], measured: Sequence[Tensor], with_variance: bool
@@ -118,9 +124,37 @@ class BlockPosterior:
         ]
 
 
+@dataclass(frozen=True)
+class FoldedPosterior(BlockPosterior):
+    """The same to be held for long, without covariances with pixels: ``factor`` is empty."""
+
+    folded: FoldedFactors = field(kw_only=True)
+
+    @classmethod
+    def room(cls, solver: GaussianSolver, count: int) -> FoldedPosterior:
+        """Room for so many blocks: posteriors that are held one by one would leave holes in memory."""
+        model, empty = solver.model, solver.mean.new_empty
+        weights = empty(count, len(model.offsets), model.buckets * model.block[1], model.columns)
+        folded = FoldedFactors.room(count, model.measurements)
+        return cls(solver, weights, empty(0), empty(count, model.measurements), folded=folded)
+
+    def filled(self, start: int, posterior: BlockPosterior) -> FoldedPosterior:
+        """The part of the room from ``start`` on, with a copy of a posterior."""
+        part = slice(start, start + len(posterior.expected))
+        weights, expected = self.weights[part].copy_(posterior.weights), self.expected[part].copy_(posterior.expected)
+        folded = self.folded.filled(start, posterior.factor)
+        return FoldedPosterior(self.solver, weights, self.factor, expected, folded=folded)
+
+    def _solved(self, block: int, measured: Tensor) -> Tensor:
+        return self.folded.solve(block, (measured - self.expected[block]).double()).to(self.solver.dtype)
+
+    def _factor(self, block: int) -> Tensor:
+        return self.folded.whole(block)
+
+
 def explained_variance(factor: Tensor, cross: Tensor) -> Tensor:
     """(n,) variance that measurements remove: their covariance has the factor (m, m), that with pixels is (m, n)."""
-    inverse = torch.linalg.solve_triangular(factor, torch.eye(len(factor)).to(factor), upper=False).to(cross.dtype)
+    inverse = lower_inverse(factor.to(cross.dtype))
     explained, start = cross.new_zeros(cross.shape[1:]), 0
     for rows in inverse.chunk(4):  # zero above the diagonal
         end = start + len(rows)
@@ -203,9 +237,18 @@ class GaussianSolver:
         noise = torch.diag_embed(noise_variance(expected, self.noise))
         return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
 
-    def _by_displacement(self, weights: Tensor, estimates: float, variance: bool) -> bool:
-        possible = self.prior.stationary and weights.device.type == "cpu" and not weights.requires_grad
+    def _by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
+        possible = self.prior.stationary and code.device.type == "cpu" and not code.requires_grad
         return possible and displacement_pays(self.model, estimates, variance)
+
+    def at_once(self, code: Tensor, memory: int, estimates: float, variance: bool) -> int:
+        """How many blocks, each to be estimated so often, are solved together within so many bytes; arguments as in
+        `posterior`."""
+        m, known = self.model.measurements, self.mean
+        if not self._by_displacement(code, estimates, variance):
+            return max(1, memory // (m * known.numel() * self.dtype.itemsize))
+        seen = variance * self.model.in_valid(known).numel() * self.dtype.itemsize
+        return max(1, min(_SOLVED_AT_ONCE, memory // (m * (seen + 4 * m * torch.float64.itemsize))))
 
     def typical_variance(self, windows: Tensor) -> Tensor:
         """(n,) posterior variance of each pixel, averaged over code windows."""

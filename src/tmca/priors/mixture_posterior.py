@@ -315,6 +315,10 @@ class MixtureSolver:
         centre = model.measure(weights, self.centre.expand(len(windows), -1))
         return MixturePosterior(self, cross, signal, inside.contiguous(), centre)
 
+    def at_once(self, code: Tensor, memory: int, estimates: float, variance: bool) -> int:
+        """How many blocks are solved together within so many bytes."""
+        return max(1, memory // (self.model.measurements * len(self.centre) * self.dtype.itemsize))
+
     def kept_bytes(self, blocks: int) -> int:
         """That are held of so many blocks by `MixturePosterior.keeping`."""
         every, m, looks = len(self.every), self.model.measurements, len(self.glance)
