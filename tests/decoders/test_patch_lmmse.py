@@ -78,9 +78,7 @@ def test_tiled_codes_give_what_every_block_alone_gives(monkeypatch):
     torch.testing.assert_close(shared.deviation, alone.deviation, atol=1e-9, rtol=0)
 
 
-@pytest.mark.parametrize(
-    ("period", "stride"), [(None, (3, 8)), ((3, 4), (3, 8)), ((2, 6), (2, 6)), ((5, 9), (3, 8)), ((1, 1), (3, 8))]
-)
+@pytest.mark.parametrize(("period", "stride"), [(None, (3, 8)), ((3, 4), (3, 8)), ((2, 6), (2, 6)), ((1, 1), (3, 8))])
 def test_blocks_step_by_what_fits_the_tile_of_the_code(period, stride):
     taps = camera("single disperser", 12, 33, period=period)
     y = noisy(snapshot(taps, smooth_scene(12, 33, seed=7)[None]), 0.02, 0.0)

@@ -1,7 +1,10 @@
 """What is computed once, a bank of matrices or the factors of all blocks, gives what solving every frame gives."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -12,9 +15,10 @@ from tmca.cameras.frames import frame_taps
 from tmca.decoders import LMMSE, bank, decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
+from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.folded import FoldedFactors
-from tmca.priors.gaussian_posterior import GaussianSolver, explained_variance
+from tmca.priors.gaussian_posterior import FoldedPosterior, GaussianSolver, explained_variance
 from tmca.priors.mixture_posterior import MixturePosterior
 from tmca.priors.statistics import lower_inverse
 from tmca.sensor import Noise, Sensor
@@ -156,6 +160,7 @@ def test_nothing_is_kept_where_it_cannot_be(hindrance, prior, monkeypatch):
     if hindrance == "memory":
         monkeypatch.setattr(bank, "MOST_BYTES", 1000)
         monkeypatch.setattr(lmmse, "MOST_BYTES", 1000)
+        monkeypatch.setattr(lmmse, "MOST_FACTOR_BYTES", 1000)
     taps = camera("single disperser", 9, 40, period=(3, 4))
     estimator = PatchEstimator(prior, taps, NOISE, differentiable=hindrance == "gradients").precompute()
     assert estimator.bank is estimator.factors is None
@@ -192,7 +197,7 @@ def test_what_is_stored_are_the_factors(no_room_for_banks):
     taps = camera("single disperser", 7, 23)
     factors = PatchEstimator(PRIOR, taps, NOISE).precompute(deviation=False).factors
     for part, posterior in factors.parts:
-        assert len(posterior.folded) == len(part)
+        assert len(posterior.folded.triangles) == len(posterior.weights) == len(part)
         assert not posterior.factor.numel()
         assert posterior.known is None
         assert not {"cross", "cross_valid"} & set(vars(posterior))
@@ -200,6 +205,55 @@ def test_what_is_stored_are_the_factors(no_room_for_banks):
     assert factors.deviation.shape == (1, 3, 7, 23)
     assert not {"rows", "valid_rows"} & set(vars(posterior.solver))
     assert not any({"cross", "cross_valid"} & set(vars(posterior)) for _, posterior in factors.parts)
+
+
+def test_bytes_of_what_is_stored_are_those_of_its_room():
+    layout = PatchEstimator(PRIOR, camera("single disperser", 7, 23), NOISE).layout
+    solver = GaussianSolver(PRIOR, layout.grid.model, NOISE, torch.float32)
+    room = FoldedPosterior.room(solver, 5)
+    tensors = (room.weights, room.expected, room.folded.triangles, room.folded.across)
+    assert FoldedPosterior.bytes_of(solver, 5) == sum(one.nbytes for one in tensors)
+
+
+def test_frames_of_660_pixels_in_28_bands_have_room():
+    model = BlockModel((28, 4, 148), tuple(range(28)), tuple(range(0, 56, 2)), 0)
+    blocks = len(BlockGrid.cover(model, (660, 660), (3, 40)).positions)
+    solver = SimpleNamespace(model=model, dtype=torch.float32)
+    assert 2**31 < FoldedPosterior.bytes_of(solver, blocks) < lmmse.MOST_FACTOR_BYTES
+
+
+def test_what_stored_blocks_say_is_what_others_say(no_room_for_banks):
+    factors = PatchEstimator(PRIOR, camera("single disperser", 7, 23), NOISE).precompute(deviation=False).factors
+    part, stored = factors.parts[0]
+    windows = factors.layout.grid.code_windows(factors.layout.code, [places[0] for places in part])
+    other, measured = stored.solver.posterior(windows, estimates=1), torch.rand(2, stored.expected.shape[1])
+    for block in range(len(part)):
+        torch.testing.assert_close(stored.log_evidence(block, measured), other.log_evidence(block, measured))
+        for one, expected in zip(stored.linear(block), other.linear(block), strict=True):
+            torch.testing.assert_close(one, expected)
+    torch.testing.assert_close(stored.error_variance(), other.error_variance())
+
+
+def test_covariances_with_pixels_stay_within_the_memory_where_blocks_are_seldom_alike(monkeypatch):
+    taps = camera("single disperser", 40, 40, period=(4, 4))
+    code = taps.code.clone()
+    code[:, 20:] = torch.rand(code[:, 20:].shape, generator=torch.Generator().manual_seed(0))
+    estimator = PatchEstimator(PRIOR, replace(taps, code=code), NOISE, dtype=torch.float32)
+    layout, solver = estimator.layout, estimator.solver
+    block = layout.grid.model.measurements * solver.mean.numel() * 4
+    monkeypatch.setattr(lmmse, "MEMORY", 3 * block)
+    for batch in (1, 8, 64):
+        for _, posterior in lmmse.solved_parts(layout, solver, layout.groups, batch, False):
+            assert posterior.known is None or posterior.known.nbytes <= 3 * block
+
+
+def test_rows_of_a_covariance_import_no_sympy():
+    prior = "GaussianPrior(torch.zeros(1, 2, 3, dtype=torch.float64), torch.ones(1, 1, 2, 3, dtype=torch.float64))"
+    work = (
+        f"import sys, torch; from tmca.priors import GaussianPrior; {prior}.covariance; print('sympy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", work], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False"]
 
 
 def test_a_deviation_that_was_stopped_is_computed_anew(monkeypatch, no_room_for_banks):

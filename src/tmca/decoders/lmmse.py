@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,13 +20,13 @@ from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chos
 from tmca.operators.blocks import BlockModel
 from tmca.operators.taps import TapOperator, Taps
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.priors.folded import FoldedFactors
 from tmca.priors.gaussian_posterior import BlockPosterior, FoldedPosterior, GaussianSolver
 from tmca.priors.mixture_posterior import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 
-MEMORY = 2**27
-"""Bytes of the covariances of measurements with pixels that are held at once."""
+MEMORY, MOST_FACTOR_BYTES = 2**27, 5 * 2**29
+"""Bytes of the covariances of measurements with pixels that are held at once, and of what is stored of all blocks of a
+frame: that of 660×660 pixels in 28 bands fits."""
 _AT_ONCE = 32
 _NO_BANK = "leave the file out: what can be computed once is then stored in memory"
 Solver = GaussianSolver | MixtureSolver
@@ -111,8 +111,9 @@ class PatchEstimator:
 
         That is a bank, where blocks see few different windows of the code, as those of tiles; else the factors of all
         blocks. Under a mixture it is what is known of all components behind these windows. Nothing is done where
-        gradients are asked for, where a large mask's factors or components take more memory than
-        ``tmca.decoders.bank.MOST_BYTES``, and without a bank or a mixture on other devices than the processor.
+        gradients are asked for, where a large mask's factors take more memory than ``MOST_FACTOR_BYTES`` or components
+        more than ``tmca.decoders.bank.MOST_BYTES``, and without a bank or a mixture on other devices than the
+        processor.
 
         Args:
             file: that holds the bank: read where it is there, written where it is not.
@@ -187,12 +188,17 @@ def solved_parts(
     layout: BlockLayout, solver: Solver, groups: list[Places], batch: int, variance: bool
 ) -> Iterator[Solved]:
     """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows, for so many snapshots."""
-    each = batch * sum(map(len, groups)) / max(1, len(groups))
+    each = _estimates(groups, batch)
     most = solver.at_once(layout.code, MEMORY, each, variance)
     for start in range(0, len(groups), most):
         part = groups[start : start + most]
         windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
-        yield part, solver.posterior(windows, batch * sum(map(len, part)) / len(part), variance)
+        yield part, solver.posterior(windows, each, variance)
+
+
+def _estimates(groups: list[Places], batch: int) -> float:
+    """Of a block, on average, for so many snapshots."""
+    return batch * sum(map(len, groups)) / max(1, len(groups))
 
 
 def kept_parts(layout: BlockLayout, solver: MixtureSolver, deviation: bool) -> list[Solved]:
@@ -287,22 +293,22 @@ class Factors:
 
     layout: BlockLayout
     window: Tensor
-    parts: list[tuple[list[Places], BlockPosterior]]
+    parts: list[tuple[list[Places], FoldedPosterior]]
 
     @classmethod
     def of(cls, layout: BlockLayout, window: Tensor, solver: GaussianSolver) -> Factors | None:
-        """None where they take more than ``MOST_BYTES``, or covariances with pixels would have to be stored too."""
-        groups, parts, start = layout.groups, list[tuple[list[Places], BlockPosterior]](), 0
-        if FoldedFactors.bytes_of(len(groups), layout.grid.model.measurements) > MOST_BYTES:
+        """None where they take more than ``MOST_FACTOR_BYTES``, or covariances with pixels would have to be stored
+        too."""
+        groups = layout.groups
+        fits = FoldedPosterior.bytes_of(solver, len(groups)) <= MOST_FACTOR_BYTES
+        if not fits or not solver.by_displacement(layout.code, _estimates(groups, 1), False):
             return None
         solver.drop_rows()
-        room: FoldedPosterior | None = None
+        room, parts = FoldedPosterior.room(solver, len(groups)), list[tuple[list[Places], FoldedPosterior]]()
         for part, posterior in solved_parts(layout, solver, groups, 1, False):
-            if not isinstance(posterior, BlockPosterior) or posterior.known is not None:
-                return None
-            room = room or FoldedPosterior.room(solver, len(groups))
-            parts.append((part, room.filled(start, posterior)))
-            start += len(part)
+            assert isinstance(posterior, BlockPosterior)
+            start = sum(len(done) for done, _ in parts)
+            parts.append((part, room.part(slice(start, start + len(part))).fill(posterior)))
         return cls(layout, window, parts)
 
     def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
@@ -314,11 +320,15 @@ class Factors:
     @cached_property
     def deviation(self) -> Tensor:
         """(1, L, H, W) of the blend, the same for all frames."""
-        grid = self.layout.grid
+        grid, solver = self.layout.grid, self.parts[0][1].solver
         dark = self.layout.code.new_zeros(1, grid.model.buckets, *grid.frame)  # padded as it is, with no light
-        blend = Blend(self.layout, self.window, dark, uncertainty=True)
-        blend.lay_parts((part, replace(posterior)) for part, posterior in self.parts)  # a copy, which is dropped
-        self.parts[0][1].solver.drop_rows()
+        blend, most = Blend(self.layout, self.window, dark, uncertainty=True), solver.at_once(dark, MEMORY, 1, True)
+        blend.lay_parts(
+            (groups[start : start + most], posterior.part(slice(start, start + most)))
+            for groups, posterior in self.parts
+            for start in range(0, len(groups), most)
+        )
+        solver.drop_rows()
         deviation = blend.result().deviation
         assert deviation is not None
         return deviation

@@ -40,7 +40,8 @@ class BlockLayout:
 
 def usual_stride(model: BlockModel, code: Tensor) -> tuple[int, int]:
     """Rows and columns from block to block, so that blocks overlap: two thirds of their rows (three of four), and
-    their valid columns but no more than two thirds of all; for tiled codes the next smaller divisors of the period."""
+    their valid columns but no more than two thirds of all; for tiled codes the next smaller divisors of the period
+    that are not below half of that."""
     (_, rows, columns), (first, last) = model.block, model.valid
     most = max(1, 2 * rows // 3, min(rows, 4) - 1), min(last - first, max(1, 2 * columns // 3))
     down, across = (_dividing(step, _period(code.detach(), axis)) for axis, step in enumerate(most, start=1))

@@ -27,25 +27,23 @@ class FoldedFactors:
         triangles = torch.empty(count, half + 1, half, dtype=torch.float64)
         return cls(triangles, triangles.new_empty(count, half, side - half))
 
-    def filled(self, start: int, factors: Tensor) -> FoldedFactors:
-        """The part of the room from ``start`` on, with copies of factors (P, m, m)."""
-        part = slice(start, start + len(factors))
-        triangles, across, upper = self.triangles[part], self.across[part], factors.mT
-        half, rest = across.shape[1:]
-        torch.triu(upper[:, :half, :half], out=triangles[:, :half])
-        triangles[:, half] = 0
-        triangles[:, 1 : rest + 1, :rest] += factors[:, half:, half:].tril()
-        across.copy_(upper[:, :half, half:])
-        return FoldedFactors(triangles, across)
+    def part(self, places: slice) -> FoldedFactors:
+        """Some of the factors, or of the room, without a copy."""
+        return FoldedFactors(self.triangles[places], self.across[places])
+
+    def fill(self, factors: Tensor) -> None:
+        """Copy factors (P, m, m) into the room, which has as many places."""
+        upper, (half, rest) = factors.mT, self.across.shape[1:]
+        torch.triu(upper[:, :half, :half], out=self.triangles[:, :half])
+        self.triangles[:, half] = 0
+        self.triangles[:, 1 : rest + 1, :rest] += factors[:, half:, half:].tril()
+        self.across.copy_(upper[:, :half, half:])
 
     @staticmethod
     def bytes_of(count: int, side: int) -> int:
         """That so many factors (m, m) take."""
         half = -(-side // 2)
         return count * half * (side + 1) * torch.float64.itemsize
-
-    def __len__(self) -> int:
-        return len(self.triangles)
 
     def solve(self, one: int, values: Tensor) -> Tensor:
         """(N, m) solutions x of L Lᵀ x = y for one factor L and values y (N, m)."""

@@ -69,33 +69,37 @@ class BlockPosterior:
 
     def _solved(self, block: int, measured: Tensor) -> Tensor:
         """(N, m) G⁻¹ (y - A μ) of one block."""
-        factor, expected = self._equations[block]
-        return torch.cholesky_solve((measured - expected).double().mT, factor).mT.to(self.solver.dtype)
+        away = (measured - self._expected[block]).double()
+        return torch.cholesky_solve(away.mT, self._factor(block)).mT.to(self.solver.dtype)
 
     def _factor(self, block: int) -> Tensor:
         """(m, m) of one block."""
-        return self.factor[block]
+        return self._factors[block]
 
     def log_evidence(self, block: int, measured: Tensor) -> Tensor:
         """(N,) log probability density of measurements (N, m) of one block, up to what depends on m alone."""
-        factor, expected = self._equations[block]
-        white = torch.linalg.solve_triangular(factor, (measured - expected).double().mT, upper=False)
+        factor = self._factor(block)
+        white = torch.linalg.solve_triangular(factor, (measured - self._expected[block]).double().mT, upper=False)
         return -factor.diagonal().log().sum() - white.square().sum(0) / 2
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
         """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
         and the variance (n,) of its error."""
-        cross, factor, expected = self.cross[:, block], self.factor[block], self.expected[block]
-        exact = torch.cholesky_inverse(factor) @ cross.double()
+        cross, expected = self.cross[:, block], self.expected[block]
+        exact = torch.cholesky_inverse(self._factor(block)) @ cross.double()
         dark = self.solver.mean - (expected.double() @ exact).to(cross.dtype)
         gain = exact.to(cross.dtype)
         return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
-    def _equations(self) -> Sequence[tuple[Tensor, Tensor]]:
-        """Factor and expected measurements of every block, unbound at once: the derivative of an index would fill a
-        tensor of all blocks for each."""
-        return list(zip(self.factor.unbind(0), self.expected.unbind(0), strict=True))
+    def _factors(self) -> Sequence[Tensor]:
+        """Factors of the blocks, unbound at once: the derivative of an index would fill a tensor of all for each."""
+        return self.factor.unbind(0)
+
+    @cached_property
+    def _expected(self) -> Sequence[Tensor]:
+        """Expected measurements, likewise."""
+        return self.expected.unbind(0)
 
     @cached_property
     def _cross(self) -> Sequence[Tensor]:
@@ -104,8 +108,7 @@ class BlockPosterior:
 
     def error_variance(self) -> Tensor:
         """(P, n) posterior variance of every pixel, the same whatever is measured."""
-        pairs = zip(self._equations, self._cross, strict=True)
-        explained = [explained_variance(factor, cross) for (factor, _), cross in pairs]
+        explained = [explained_variance(self._factor(block), cross) for block, cross in enumerate(self._cross)]
         return (self.solver.variance - torch.stack(explained)).clamp(min=0)
 
     def valid_variance(self, block: int) -> Tensor:
@@ -126,7 +129,8 @@ class BlockPosterior:
 
 @dataclass(frozen=True)
 class FoldedPosterior(BlockPosterior):
-    """The same to be held for long, without covariances with pixels: ``factor`` is empty."""
+    """The same to be held for long, without covariances with pixels; ``folded`` in the place of ``factor``, which is
+    empty."""
 
     folded: FoldedFactors = field(kw_only=True)
 
@@ -138,15 +142,27 @@ class FoldedPosterior(BlockPosterior):
         folded = FoldedFactors.room(count, model.measurements)
         return cls(solver, weights, empty(0), empty(count, model.measurements), folded=folded)
 
-    def filled(self, start: int, posterior: BlockPosterior) -> FoldedPosterior:
-        """The part of the room from ``start`` on, with a copy of a posterior."""
-        part = slice(start, start + len(posterior.expected))
-        weights, expected = self.weights[part].copy_(posterior.weights), self.expected[part].copy_(posterior.expected)
-        folded = self.folded.filled(start, posterior.factor)
-        return FoldedPosterior(self.solver, weights, self.factor, expected, folded=folded)
+    @staticmethod
+    def bytes_of(solver: GaussianSolver, count: int) -> int:
+        """That the room for so many blocks takes."""
+        model = solver.model
+        beside = count * model.measurements * (len(model.offsets) + 1) * solver.dtype.itemsize
+        return FoldedFactors.bytes_of(count, model.measurements) + beside
+
+    def part(self, blocks: slice) -> FoldedPosterior:
+        """Of some of the blocks, or a part of the room, without a copy."""
+        folded = self.folded.part(blocks)
+        return FoldedPosterior(self.solver, self.weights[blocks], self.factor, self.expected[blocks], folded=folded)
+
+    def fill(self, posterior: BlockPosterior) -> FoldedPosterior:
+        """The room, which has as many places, with a copy of a posterior."""
+        self.weights.copy_(posterior.weights)
+        self.expected.copy_(posterior.expected)
+        self.folded.fill(posterior.factor)
+        return self
 
     def _solved(self, block: int, measured: Tensor) -> Tensor:
-        return self.folded.solve(block, (measured - self.expected[block]).double()).to(self.solver.dtype)
+        return self.folded.solve(block, (measured - self._expected[block]).double()).to(self.solver.dtype)
 
     def _factor(self, block: int) -> Tensor:
         return self.folded.whole(block)
@@ -229,7 +245,7 @@ class GaussianSolver:
         """
         weights = self.model.complete(windows.to(self.dtype))
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
-        if estimates is not None and self._by_displacement(weights, estimates, variance):
+        if estimates is not None and self.by_displacement(weights, estimates, variance):
             cross, signal = None, self.covariance(weights)
         else:
             cross = self.cross(weights)
@@ -237,17 +253,17 @@ class GaussianSolver:
         noise = torch.diag_embed(noise_variance(expected, self.noise))
         return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
 
-    def _by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
+    def by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
+        """Whether blocks under a code are solved without covariances with pixels; arguments as in `posterior`."""
         possible = self.prior.stationary and code.device.type == "cpu" and not code.requires_grad
         return possible and displacement_pays(self.model, estimates, variance)
 
     def at_once(self, code: Tensor, memory: int, estimates: float, variance: bool) -> int:
-        """How many blocks, each to be estimated so often, are solved together within so many bytes; arguments as in
-        `posterior`."""
-        m, known = self.model.measurements, self.mean
-        if not self._by_displacement(code, estimates, variance):
-            return max(1, memory // (m * known.numel() * self.dtype.itemsize))
-        seen = variance * self.model.in_valid(known).numel() * self.dtype.itemsize
+        """How many blocks are solved together within so many bytes; arguments as in `posterior`."""
+        m, size = self.model.measurements, self.dtype.itemsize
+        if not self.by_displacement(code, estimates, variance):
+            return max(1, memory // (m * self.mean.numel() * size))
+        seen = variance * self.model.in_valid(self.mean).numel() * size
         return max(1, min(_SOLVED_AT_ONCE, memory // (m * (seen + 4 * m * torch.float64.itemsize))))
 
     def typical_variance(self, windows: Tensor) -> Tensor:
