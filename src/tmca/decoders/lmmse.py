@@ -304,11 +304,12 @@ class Factors:
         if not fits or not solver.by_displacement(layout.code, _estimates(groups, 1), False):
             return None
         solver.drop_rows()
-        room, parts = FoldedPosterior.room(solver, len(groups)), list[tuple[list[Places], FoldedPosterior]]()
+        room, start = FoldedPosterior.room(solver, len(groups)), 0
+        parts: list[tuple[list[Places], FoldedPosterior]] = []
         for part, posterior in solved_parts(layout, solver, groups, 1, False):
             assert isinstance(posterior, BlockPosterior)
-            start = sum(len(done) for done, _ in parts)
             parts.append((part, room.part(slice(start, start + len(part))).fill(posterior)))
+            start += len(part)
         return cls(layout, window, parts)
 
     def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
@@ -322,7 +323,8 @@ class Factors:
         """(1, L, H, W) of the blend, the same for all frames."""
         grid, solver = self.layout.grid, self.parts[0][1].solver
         dark = self.layout.code.new_zeros(1, grid.model.buckets, *grid.frame)  # padded as it is, with no light
-        blend, most = Blend(self.layout, self.window, dark, uncertainty=True), solver.at_once(dark, MEMORY, 1, True)
+        blend = Blend(self.layout, self.window, dark, uncertainty=True)
+        most = solver.at_once(self.layout.code, MEMORY, 1, True)
         blend.lay_parts(
             (groups[start : start + most], posterior.part(slice(start, start + most)))
             for groups, posterior in self.parts
