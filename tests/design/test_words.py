@@ -26,7 +26,7 @@ def codes(gain=0.5, spread=0.2, one=None, two=None, burst=None, frames=2, **chan
     ("advice", "said"),
     [
         (codes(), "Use 4 slots with free codes: +0.5 dB over the static code, ± 0.2 dB from scene to scene."),
-        (codes(spread=0.7), ", no more than the spread."),
+        (codes(spread=0.7), ", no more than the spread: it may not be better."),
         (codes(more_slots={8: 0.04, 16: -0.1}),
          "These are the fewest slots within 0.1 dB or 10% of the best; more gave in the survey: K = 8 +0.0 dB, K = 16 "
          "-0.1 dB."),
@@ -48,7 +48,8 @@ def test_codes_are_advised_with_their_gain(advice, said):
         (codes(one=design(), two=design("two-bucket", 2.5), burst=1.5),
          "The codes gain 1.0 dB over the burst. "
          "This sensor with two buckets: 32.5 dB (two-bucket, K = 4); with one bucket: 30.5 dB (free, K = 4); "
-         "static: 30.0 dB; a burst of two frames: 31.5 dB. The second bucket gains 2.0 dB, as no light is lost. "
+         "static: 30.0 dB; a burst of two frames: 31.5 dB. "
+         "The second bucket gains 2.0 dB, as the light of closed slots is read too. "
          "Trust differences to within ± 0.2 dB"),
         (codes(one=design(), two=design("two-bucket", 2.5, alike=True), burst=2.5), "codes are a burst themselves"),
         (codes(one=design(), burst=1.5), "The burst is 1.0 dB better: prefer it if the scene stands still"),

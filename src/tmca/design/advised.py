@@ -167,7 +167,7 @@ def _recommended(advice: Advice) -> str:
     use = f"Use {best.design.slots} slots with {best.design.kind} codes: {best.gain:+.1f} dB over the static code, "
     if best.spread is None:
         return use + "on one example scene that the estimate knows; give more to see the spread."
-    sure = "" if best.gain > best.spread else ", no more than the spread"
+    sure = "" if best.gain > best.spread else ", no more than the spread: it may not be better"
     return use + f"± {best.spread:.1f} dB from scene to scene{sure}."
 
 
@@ -205,7 +205,7 @@ def _second_bucket(advice: Advice) -> str:
         return ""
     gain = advice.two.gain - advice.one.gain
     if advice.two is advice.chosen:
-        return f"The second bucket gains {gain:.1f} dB, as no light is lost."
+        return f"The second bucket gains {gain:.1f} dB, as the light of closed slots is read too."
     return f"The second bucket is not worth it ({gain:+.1f} dB)."
 
 

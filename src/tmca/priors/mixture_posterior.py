@@ -260,13 +260,18 @@ def _whitened(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expecte
 
 
 def _factors(covariance: Tensor) -> Tensor:
-    """(M, m, m) lower Cholesky factors; where rounding in single precision is above the noise, of what it may hide."""
-    try:
-        return lower_factor(covariance)
-    except SettingError:
-        level = covariance.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
-        hidden = torch.finfo(torch.float32).eps * len(covariance[0]) ** 0.5 * level
-        return lower_factor(covariance + torch.diag_embed(hidden.expand(covariance.shape[:2])))
+    """(M, m, m) lower Cholesky factors; where rounding in single precision is above the noise, of what it may hide.
+
+    It hides most where codes repeat within the dispersion, and a kind of scene is far from the base.
+    """
+    level = covariance.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
+    rounding = torch.finfo(torch.float32).eps * len(covariance[0]) ** 0.5 * level.expand(covariance.shape[:2])
+    for hidden in (1, 10, 100):
+        try:
+            return lower_factor(covariance)
+        except SettingError:
+            covariance = covariance + torch.diag_embed(hidden * rounding)
+    return lower_factor(covariance)
 
 
 def _whitened_together(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> Whitened:
