@@ -54,6 +54,8 @@ def test_motion_by_a_pixel_a_slot_is_a_shift_from_slot_to_slot_and_the_middle_li
 def test_a_motion_out_of_the_scene_is_refused(motion):
     with pytest.raises(SettingError, match="less than the scene's 9×11"):
         moving_scene(torch.rand(1, 9, 11), motion, 2)
+    with pytest.raises(SettingError, match="finite numbers, less" if motion[0] != motion[0] else "expected less"):
+        moving_scene(torch.rand(1, 9, 11), motion, 2)
 
 
 @pytest.mark.parametrize("build", [SpectralCamera, LightFieldCamera])

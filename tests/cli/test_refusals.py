@@ -74,6 +74,8 @@ REFUSED = {
         "--hardware wobble=1": "contrast_ratio",
         "--preset one-hot --hardware bucket_gain=0.1": "found 0.1, expected none of a sensor with one bucket",
         "--buckets 2 --hardware transfer=2": "0 to 1",
+        "--buckets 3": ("--buckets: found 3 with random codes, expected 1 or 2, or a burst", "--shutter burst"),
+        "--motion nan,1": "--motion: found nan,1, expected finite numbers",
         "--hardware delay": "NAME=VALUE",
         "--hardware delay=1,delay=2": "NAME=VALUE",
         "--hardware delay=late": "slots",

@@ -133,6 +133,11 @@ def test_impossible_codes_are_refused_in_one_line(given, settings, error):
     assert "\n" not in str(caught.value)
 
 
+def test_a_burst_is_among_the_shutters_that_there_are():
+    with pytest.raises(SettingError, match=r"^shutter: found 'foo', expected one of .*, burst$"):
+        Codes(shutter="foo").planes(2, (4, 4), (4, 4))
+
+
 @pytest.mark.parametrize(("count", "size"), [(4, (4, 4)), (3, (5, 4)), (5, (3, 3)), (1, (2, 3))])
 def test_every_choice_is_made_as_often(count, size):
     found = balanced_choice(count, size, 3)

@@ -249,6 +249,13 @@ def test_what_cannot_be_written_there_is_refused(cube, tmp_path, write, error):
     assert os.listdir(tmp_path) == ["there"]
 
 
+@pytest.mark.parametrize("name", ["afile/a.nc", "afile/deep/a.nc"])
+def test_a_file_in_the_place_of_a_folder_is_named(cube, tmp_path, name):
+    (tmp_path / "afile").touch()
+    with pytest.raises(OutputError, match="afile, a file, expected a folder"):
+        write_dataset(cube, tmp_path / name)
+
+
 @pytest.mark.parametrize("kind", [".nc", ".zarr", "classic", "fixed length"])
 def test_attributes_alone_are_those_of_the_whole_file(tmp_path, kind):
     stored = xr.Dataset({"a": ("x", np.arange(3.0))}, attrs={"date": "2026-03-31", "size": [2, 3], "gain": 0.5})

@@ -7,6 +7,7 @@ from torch.nn.functional import avg_pool2d
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, moving_scene, moving_scenes
 from tmca.decoders import decode
+from tmca.errors import SettingError
 from tmca.priors import GaussianPrior
 from tmca.sensor import Sensor
 
@@ -32,6 +33,12 @@ def taken(shutter, buckets, moved=MOVED, **sensor):
 
 def error_db(estimate, truth):
     return float(10 * torch.log10((estimate - truth).square().mean()))
+
+
+def test_frames_that_no_slots_make_are_refused_before_a_prior_is_looked_for(monkeypatch):
+    monkeypatch.setattr("tmca.decoders.moving.find_prior", lambda *given, **more: pytest.fail("looked for a prior"))
+    with pytest.raises(SettingError, match="frames: found 3, expected a divisor or a multiple of the 4 slots"):
+        decode(taken("balanced", 2)[0], "space-time-mixture", frames=3)
 
 
 @pytest.mark.parametrize(("shutter", "buckets"), [("one-hot", 1), ("balanced", 2), ("burst", 4)])

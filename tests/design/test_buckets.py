@@ -6,11 +6,12 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.cameras import SpectralCamera
 from tmca.codes.files import read_codes, write_codes
+from tmca.data import read_dataset, write_dataset
 from tmca.design import designable
 from tmca.design.expected_error import BlockMse, TileMse, design_model, even_places, windows
 from tmca.design.search import Effort, search
 from tmca.design.transfer import learn_examples
-from tmca.errors import SettingError, ShapeError
+from tmca.errors import DataError, SettingError, ShapeError
 from tmca.operators.blocks import BlockModel
 from tmca.priors import GaussianPrior
 
@@ -81,6 +82,18 @@ def test_codes_files_say_how_many_buckets(kind, tmp_path):
     again = SpectralCamera(bands=BANDS, size=PERIOD, **read_codes(file).settings())
     assert again.buckets == 2
     assert torch.equal(again.taps().code, made.taps().code)
+
+
+@pytest.mark.parametrize(("about", "told"), [({}, "no attribute buckets"), ({"buckets": 3}, "buckets = 3")])
+def test_codes_whose_file_says_other_buckets_are_refused_by_that_attribute(tmp_path, about, told):
+    made, file = camera().codes, tmp_path / "c.nc"
+    shutter = made.shutter.tile()
+    write_codes(file, made.aperture.tile(), torch.cat([shutter, 1 - shutter]), PERIOD, buckets=2)
+    stored = read_dataset(file)
+    stored.attrs = {"period": stored.attrs["period"], **about}
+    other = write_dataset(stored, tmp_path / "other.nc")
+    with pytest.raises(DataError, match=rf"{told}, expected .*\(bucket, slot, rows, columns\)"):
+        read_codes(other)
 
 
 def test_a_burst_has_a_frame_in_each_slot_and_a_longer_one_contains_the_shorter():

@@ -120,7 +120,7 @@ def test_noise_is_drawn_and_clipped_in_every_bucket_on_its_own():
 
 
 @pytest.mark.parametrize(("settings", "where"), [
-    ({"buckets": 3}, "shutter"),
+    ({"buckets": 3}, "buckets"),
     ({"buckets": 9, "shutter": "burst"}, "slots"),
     ({"buckets": 2, "shutter": torch.ones(2, 4, 5, 8)}, "shutter"),  # a slot in two buckets
     ({"buckets": 2, "shutter": torch.zeros(3, 4, 5, 8)}, "shutter"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from math import ceil, floor
+from math import ceil, floor, isfinite
 
 import torch
 from torch import Tensor
@@ -58,9 +58,9 @@ def moving_object(scene: Tensor, displacement: tuple[float, float], slots: int) 
 def check_displacement(displacement: tuple[float, float], size: Sequence[int], where: str = "motion") -> None:
     """Raises SettingError for a displacement (rows, columns) that is as large as a scene of (H, W) pixels."""
     if not (abs(displacement[0]) < size[0] and abs(displacement[1]) < size[1]):
-        raise SettingError(
-            where, f"{displacement[0]:g},{displacement[1]:g}", f"less than the scene's {size[0]}×{size[1]}"
-        )
+        kind = "" if all(map(isfinite, displacement)) else "finite numbers, "
+        expected = f"{kind}less than the scene's {size[0]}×{size[1]}"
+        raise SettingError(where, f"{displacement[0]:g},{displacement[1]:g}", expected)
 
 
 def moving_scenes(scenes: Tensor, displacement: tuple[float, float], slots: int) -> Tensor:

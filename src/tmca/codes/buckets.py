@@ -10,10 +10,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tmca.errors import SettingError, check_range
+from tmca.codes.patterns import FAMILIES
+from tmca.errors import SettingError, check_choice, check_range
 
 BURST = "burst"
 """The shutter of frames one after the other: all pixels alike, each bucket a group of neighbouring slots."""
+_TAKE_BURST = f"take --shutter {BURST} (in Python shutter={BURST!r}), or patterns of every bucket"
 
 
 def bucket_shutters(shutter: Tensor, slots: int, buckets: int) -> Tensor:
@@ -45,9 +47,7 @@ def check_patterns(count: int, buckets: int, slots: int) -> None:
     """Raises SettingError unless so many patterns say what each of R buckets collects in K slots."""
     if count != buckets * slots and (count != slots or buckets > 2):
         expected = f"{buckets * slots}, {slots} for each of {buckets} buckets"
-        raise SettingError(
-            "shutter", f"{count} patterns", expected, f"take shutter={BURST!r}, or patterns of every bucket"
-        )
+        raise SettingError("shutter", f"{count} patterns", expected, _TAKE_BURST)
 
 
 def burst_pattern(slots: int, size: tuple[int, int], buckets: int) -> Tensor:
@@ -72,10 +72,14 @@ def plane_patterns(shutter: str | Tensor, slots: int, buckets: int, tile: tuple[
         tile: (H, W') of a burst's patterns.
 
     Raises:
-        SettingError: patterns that are not those of R buckets, or a slot of a pixel in two of them.
+        SettingError: an unknown family, patterns that are not those of R buckets, or a slot of a pixel in two of them.
     """
-    if isinstance(shutter, str) and shutter == BURST:
-        shutter = burst_pattern(slots, tile, buckets)
+    if isinstance(shutter, str):
+        check_choice("shutter", shutter, (*FAMILIES, BURST))
+        if shutter == BURST:
+            shutter = burst_pattern(slots, tile, buckets)
+        elif buckets > 2:
+            raise SettingError("buckets", f"{buckets} with {shutter} codes", "1 or 2, or a burst", _TAKE_BURST)
     if isinstance(shutter, Tensor) and shutter.ndim == 4:
         shutter = _of_all(shutter, slots, buckets)
     if buckets == 1 or isinstance(shutter, str) or shutter.ndim == 2:
@@ -97,7 +101,10 @@ def _of_all(patterns: Tensor, slots: int, buckets: int) -> Tensor:
 
 def check_once(shutters: Tensor, where: str = "shutter") -> None:
     """Raises SettingError where a slot of a pixel is in two of the buckets of shutters (R, K, H, W')."""
-    twice = int((shutters.sum(0) > 1 + 1e-6).sum())
+    twice = (shutters.sum(0) > 1 + 1e-6).nonzero().tolist()
     if twice:
-        found = f"{twice} slots of pixels that are in two buckets"
-        raise SettingError(where, found, "each slot of a pixel in one bucket, or in none")
+        slot, row, column = twice[0]
+        owners = " and ".join(map(str, shutters[:, slot, row, column].nonzero().flatten().tolist()))
+        more = f", and {len(twice) - 1} more" if len(twice) > 1 else ""
+        found = f"slot {slot} of pixel ({row}, {column}) in buckets {owners}, counted from 0{more}"
+        raise SettingError(where, found, "each slot of a pixel in one bucket, or in none", "close it in all but one")

@@ -176,8 +176,10 @@ def read_codes(path: str | Path) -> CodesFile:
     about = attributes_of(CodesAttributes, stored.attrs, path)
     slots = shutter.shape[-3:-2] if shutter.ndim == 3 or tuple(shutter.shape[:1]) == (about.buckets,) else ()
     if aperture.ndim != 3 or shutter.ndim > 4 or slots != aperture.shape[:1] or not len(aperture):
-        text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}"
-        raise DataError(path, text, "(K, rows, columns) of the same K", "write codes with `tmca design`")
+        told = f"buckets = {about.buckets}" if "buckets" in stored.attrs else "no attribute buckets"
+        text = f"aperture {tuple(aperture.shape)}, shutter {tuple(shutter.shape)}, {told}"
+        expected = "(slot, rows, columns), or a shutter (bucket, slot, rows, columns) with its attribute buckets"
+        raise DataError(path, text, expected, "correct what differs, or write codes with `tmca design`")
     for name, plane in (("aperture", aperture), ("shutter", shutter)):
         if not bool(((plane >= 0) & (plane <= 1)).all()):
             raise DataError(path, f"{name} codes outside [0, 1]", "zeros and ones", REMEDY)

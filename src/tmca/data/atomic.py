@@ -73,9 +73,11 @@ def check_target(path: str | Path, overwrite: bool = False) -> None:
     """Say before long work that its output could not be written.
 
     Raises:
-        OutputError: no such folder, or the file exists and ``overwrite`` is False.
+        OutputError: no such folder, a file in its place, or the file exists and ``overwrite`` is False.
     """
     path = Path(path)
+    if file := next((place for place in path.parents if place.is_file()), None):
+        raise OutputError(path, f"{file}, a file", "a folder", "choose another name")
     if not path.parent.is_dir():
         raise OutputError(path, "no such folder " + str(path.parent), "an existing folder", "create it first")
     if path.exists() and not overwrite:

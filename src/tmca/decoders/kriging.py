@@ -246,9 +246,8 @@ class KrigingDecoder(FrameDecoder):
         operator, camera = super().setup(deepcopy(camera).cpu(), prior)  # SciPy's trees know processors alone
         seen = (operator.collapsed.code > 0).sum(0)
         if camera.bands > 1 or camera.buckets > 1 or camera.dispersion.extent or bool((seen > 1).any()):
-            raise SettingError(
-                "method", "'kriging'", "a shutter that opens every pixel within one frame, one band, one bucket"
-            )
+            expected = "a shutter that opens every pixel within one frame, one band, one bucket"
+            raise SettingError("decoder", "'kriging'", expected, "take space-time-mixture or space-time-lmmse")
         return operator, camera
 
     def reconstruct(self, prepared: tuple[FrameOperator, Any], values: Tensor, progress: Progress | None) -> Raw:

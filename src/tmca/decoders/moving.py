@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from tmca.cameras import Camera
-from tmca.cameras.frames import frame_taps
+from tmca.cameras.frames import frame_shares, frame_taps
 from tmca.decoders.decoder import Progress
 from tmca.decoders.lmmse import PatchDecoder, PatchEstimator
 from tmca.errors import check_range
@@ -48,7 +48,9 @@ class SpaceTimeLMMSE(PatchDecoder):
 
     def find_prior(self, camera: Camera, given: Any, progress: Progress | None = None) -> Any:
         """That of still scenes: given, a file's, or that of the rendered ones, of blocks that leave room to move."""
-        rows, columns = moving_block(camera, self._frames(camera))
+        frames = self._frames(camera)
+        frame_shares(frames, camera.slots)  # refused before a prior is learned
+        rows, columns = moving_block(camera, frames)
         room = reach_of(self.motion) + self.room
         block = (rows + room, columns + room)
         return find_prior(camera, given, "gaussian", progress, block=block)

@@ -13,7 +13,7 @@ class NotMeasured(Warning):
     """A calibration that lacks steps of its camera."""
 
 
-def quality_of(source: object, name: str, residual: float, usual: float) -> float:
+def quality_of(source: object, name: str, residual: float, usual: float, hint: str = "") -> float:
     """A residual over what good captures leave of it at most; 0 where it is not known. Warns where that is above 1.
 
     Args:
@@ -21,10 +21,12 @@ def quality_of(source: object, name: str, residual: float, usual: float) -> floa
         name: of the residual.
         residual: its value.
         usual: the largest that good captures leave.
+        hint: what else may be wrong, for the warning.
     """
     quality = residual / usual if residual == residual else 0.0
     if quality > 1:
-        warnings.warn(f"{source}: {name} {residual:.3g}, usually {usual:g} at most", Doubtful, stacklevel=3)
+        text = f"{source}: {name} {residual:.3g}, usually {usual:g} at most{hint and f'; {hint}'}"
+        warnings.warn(text, Doubtful, stacklevel=3)
     return quality
 
 

@@ -206,9 +206,11 @@ def test_a_bucket_that_is_missing_leaves_no_folder(tmp_path):
 
 def test_saturation_is_the_largest_number_of_the_files_unless_it_is_told(tmp_path):
     (tmp_path / "eight").mkdir()
-    Image.fromarray(np.zeros((4, 5), np.uint8)).save(tmp_path / "eight" / "dark.png")
+    Image.fromarray(np.full((4, 5), 30, np.uint8)).save(tmp_path / "eight" / "dark.png")
     assert find_device("folder", path=str(tmp_path / "eight")).saturation == 255
     assert find_device("folder", path=str(tmp_path / "eight"), saturation="200").saturation == 200
+    with pytest.raises(SettingError, match=r"--set saturation: found 30, expected above 30; dark.png has 30"):
+        find_device("folder", path=str(tmp_path / "eight"), saturation="30")
     with pytest.raises(SettingError, match="--set saturation: found 'much'"):
         find_device("folder", path=str(tmp_path / "eight"), saturation="much")
 

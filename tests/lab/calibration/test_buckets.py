@@ -17,7 +17,9 @@ from tmca.lab.calibration.apply import check_fits, from_digital_numbers
 from tmca.lab.calibration.buckets import measure_buckets
 from tmca.lab.calibration.file import Calibration, load_calibration
 from tmca.lab.calibration.sensor import DarkField, FlatField
+from tmca.lab.calibration.steps import measure
 from tmca.lab.calibration.timing import measure_timing
+from tmca.lab.quality import Doubtful
 
 DEVICES = ("dli4120", "coded-exposure-two-bucket")
 
@@ -101,6 +103,37 @@ def test_maps_of_every_bucket_come_back_from_a_file(tmp_path):
     for name in ("mean", "read_noise", "defects"):
         np.testing.assert_array_equal(getattr(again.part("dark"), name), getattr(found.part("dark"), name))
     assert again.about["camera"]["sensor"] == (2, 5, 7)
+
+
+def frames_of_other_software(folder, known, exchanged=False, names=("bucket_0_0", "bucket_1_0", "in_turn_4_0")):
+    """Frames of even light, with a page for each bucket, of a sensor without leaks; and no list of captures."""
+    folder.mkdir()
+    shares = {"bucket_0_0": (1, 0), "bucket_1_0": (0, 1), "in_turn_4_0": (0.5, 0.5), "in_turn_1_0": (1, 0)}
+    gain = known.part("flat").gain[::-1] if exchanged else known.part("flat").gain
+    for name in names:
+        pages = known.part("dark").mean + 900 * gain * np.array(shares[name])[:, None, None]
+        np.save(folder / f"{name}.npy", pages.clip(0).round().astype(np.uint16))
+    return folder
+
+
+@pytest.mark.parametrize("gone", ["bucket_0_0", "bucket_1_0", "in_turn_4_0"])
+def test_frames_of_other_software_that_are_missing_are_refused(tmp_path, gone):
+    left = [name for name in ("bucket_0_0", "bucket_1_0", "in_turn_4_0") if name != gone]
+    folder = frames_of_other_software(tmp_path / "buckets", two_buckets(), names=left)
+    with pytest.raises(DataError, match=f"found no frame {gone.replace('4', 'K')}, .*capture it"):
+        measure("buckets", two_buckets(), folder)
+
+
+def test_a_camera_of_one_slot_says_so_by_the_name_of_a_frame(tmp_path):
+    names = ("bucket_0_0", "bucket_1_0", "in_turn_1_0")
+    folder = frames_of_other_software(tmp_path / "buckets", two_buckets(), names=names)
+    assert measure("buckets", two_buckets(), folder).part("buckets").transfer == 0
+
+
+def test_pages_that_are_exchanged_in_the_flat_alone_are_a_possible_cause(tmp_path):
+    folder = frames_of_other_software(tmp_path / "buckets", two_buckets(), exchanged=True)
+    with pytest.warns(Doubtful, match="residual of light .* usually 0.01 at most; are the pages .* exchanged"):
+        measure("buckets", two_buckets(), folder)
 
 
 @pytest.mark.parametrize("channels", [1, 3])

@@ -313,7 +313,9 @@ def test_every_preset_is_a_device(name):
         ("kind: dmd\n", "size"), ("kind: laser\n", "dmd"), ("kind: dmd\nsize: [4, 4]\nwobble: 1\n", "wobble"),
         ("kind: dmd\npattern_rate: 1000\n",
          "mine.yaml: pattern_rate: found an unknown name, expected one of name, .*; did you mean pattern_rate_hz?"),
-        ("kind: lcos\nsize: [4, 4]\n", "bits"), ("- 1\n", "found a list"), ("kind: [\n", "YAML"),
+        ("kind: coded-exposure\nbuckets: 2\ndrain: true\n", "mine.yaml: bits: found nothing, expected 2 or more"),
+        ("kind: lcos\nsize: [4, 4]\n", "mine.yaml: bits: found nothing, expected 8"),
+        ("- 1\n", "found a list"), ("kind: [\n", "YAML"),
     ],
 )  # fmt: skip
 def test_descriptions_that_make_no_device_are_refused(tmp_path, text, words):

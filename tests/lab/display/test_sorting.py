@@ -69,7 +69,9 @@ def test_a_tile_that_a_sensor_holds_is_shown_all_over(tmp_path):
         ({"buckets": 2, "shutter": sorted_codes(2, drained=True)}, device_named(TWO), "in no bucket.*has no drain"),
         ({"buckets": 2}, device_named(TWO, pattern_rate_hz=20), "20 at most"),
         ({"buckets": 2}, device_named(TWO, memory_patterns=2), "2 at most in its memory"),
-        ({"buckets": 2}, device_named(f"{TWO}-tile"), "does not repeat.*tiles of 4×4 pixels.*--period 4x4"),
+        ({"buckets": 2}, device_named(f"{TWO}-tile"), "does not repeat, expected one .* every 4×4.*--period 4,"),
+        ({"buckets": 2, "period": 6}, device_named(f"{TWO}-tile"), "found a shutter that repeats every 6×6 pixels"),
+        ({"buckets": 2, "period": 6}, device_named(f"{TWO}-tile", tile=(3, 5)), "every 3×5.*from a file"),
     ],
 )  # fmt: skip
 def test_what_a_sensor_cannot_do_leaves_nothing(tmp_path, settings, device, words):
@@ -82,7 +84,7 @@ def test_a_slot_in_two_buckets_is_refused(tmp_path):
     twice = sorted_codes(2)
     twice[:, 1, 2, 3] = 1
     file = write_codes(tmp_path / "codes.nc", torch.ones(3, 12, 16), twice.flatten(0, 1), None, buckets=2)
-    with pytest.raises(SettingError, match="1 slots of pixels that are in two buckets"):
+    with pytest.raises(SettingError, match=r"slot 1 of pixel \(2, 3\) in buckets 0 and 1, .* close it in all but one"):
         export_codes(read_planes(file), [device_named(TWO)], tmp_path / "out")
 
 

@@ -66,7 +66,7 @@ def test_a_pixel_is_a_sample_at_the_middle_of_its_slots():
     assert sorted(set(found.points[:, 2].tolist())) == [3.0, 6.0]
     assert set(found.points[:, 1].long().tolist()) == {0, 1, 2, 3}
     torch.testing.assert_close(found.values, torch.full((12,), 0.7, dtype=torch.float64))
-    with pytest.raises(SettingError, match="within one frame"):
+    with pytest.raises(SettingError, match=r"^decoder: found 'kriging'.* within one frame.* take space-time-mixture"):
         decode(snapshot, "kriging", frames=2)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tmca.data import read_array
-from tmca.errors import DataError, SettingError
+from tmca.errors import DataError, SettingError, check_range
 from tmca.lab.acquisition.captures import DARK, WHOLE, frames_of
 from tmca.lab.display.export import Export
 from tmca.lab.display.manifest import exposed_whole
@@ -83,7 +83,7 @@ class FrameFolder:
 
     Raises:
         DataError: no frames, or two files of one name.
-        SettingError: numbers that are none above 0.
+        SettingError: numbers that are none above 0, or a saturation that dark frames reach.
     """
 
     def __init__(
@@ -94,10 +94,20 @@ class FrameFolder:
         self.files = {file.stem: file for file in self.there}
         if twice := [file.name for file in self.there if self.files[file.stem] is not file]:
             raise DataError(path, f"two files of the name of {twice[0]}", "one file a frame", "move one elsewhere")
-        self.saturation = _largest(self.there[0]) if saturation is None else _setting("saturation", saturation)
+        self.saturation = _largest(self.there[0]) if saturation is None else self._above_dark(saturation)
         if snapshot_units_per_dn is not None:
             self.snapshot_units_per_dn = _setting("snapshot_units_per_dn", snapshot_units_per_dn)
         self.name = DARK
+
+    def _above_dark(self, saturation: str | float) -> float:
+        """The level that is asked for; SettingError for one that dark frames reach."""
+        level = _setting("saturation", saturation)
+        dark = next((file for file in self.there if file.stem.lower().startswith(DARK)), None)
+        if dark is not None:
+            black = float(np.median(read_array(dark)))
+            remedy = "it is the digital number from which on a pixel is saturated"
+            check_range("--set saturation", level, above=black, remedy=f"{dark.name} has {black:g}; {remedy}")
+        return level
 
     def load(self, export: Export) -> None:
         """Find the frame of every step.

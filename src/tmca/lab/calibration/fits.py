@@ -260,8 +260,7 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
     if seen.buckets == 1:
         raise DataError(seen.path, "frames of one bucket", "a page for each of several", "capture all of them")
     light = seen.calibration.corrected(seen.frames.values).mean((2, 3))
-    turns = [IN_TURN.search(name) for name in seen.frames.names]
-    slots = max((int(turn[1]) for turn in turns if turn), default=1)
+    slots = _slots_in_turn(seen)
     shown = [f"bucket_{bucket}_" for bucket in range(seen.buckets)] + [f"in_turn_{slots}_"] * (slots > 1)
     chosen = [[name.startswith(begin) for name in seen.frames.names] for begin in shown]
     if gone := [begin for begin, which in zip(shown, chosen, strict=True) if not any(which)]:
@@ -275,6 +274,16 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
         "transfer_std_slots": float(measured.std[1]),
     }
     return {"buckets": Fitted(measured, residuals)}
+
+
+def _slots_in_turn(seen: Captured) -> int:
+    """K by the names of frames; a bench takes none in turn of one slot, other software has to name one."""
+    turns = [turn for name in seen.frames.names if (turn := IN_TURN.search(name))]
+    if not turns and not taken_with(seen.path):
+        expected = "the K slots in one bucket after the other, which tell the time of a change"
+        remedy = "capture it; where K is 1, bucket_0_0 again as in_turn_1_0"
+        raise DataError(seen.path, "no frame in_turn_K_0", expected, remedy)
+    return max((int(turn[1]) for turn in turns), default=1)
 
 
 def _pair_levels(seen: Captured) -> Array:

@@ -33,6 +33,7 @@ class Step:
         needs: steps that it builds on.
         residual: that says how good it is.
         usual: the largest of it that good captures leave.
+        hint: what to look for where it is larger.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Step:
     needs: tuple[str, ...] = ()
     residual: str = ""
     usual: float = 1.0
+    hint: str = ""
 
 
 STEPS: dict[str, Step] = {step.name: step for step in (
@@ -49,7 +51,8 @@ STEPS: dict[str, Step] = {step.name: step for step in (
     Step("white", shots.white),
     Step("linearity", shots.linearity, fits.linearity, ("dark",), "largest_deviation", 0.02),
     Step("registration", shots.registration, fits.registration, (), "residual_of_contrast", 0.2),
-    Step("buckets", shots.buckets, fits.buckets, ("dark", "flat"), "residual_of_light", 0.01),
+    Step("buckets", shots.buckets, fits.buckets, ("dark", "flat"), "residual_of_light", 0.01,
+         "are the pages of the buckets exchanged, here or in flat?"),
     Step("timing", shots.timing, fits.timing, ("dark",), "residual_of_a_slot", 0.05),
     Step("dispersion", shots.dispersion, fits.dispersion, ("registration", "dark"),
          "x_residual_pixels", 0.2),
@@ -129,7 +132,7 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
         residuals = dict(fitted.residuals)
         if not math.isnan(residuals.get(step.residual, math.nan)):
             left = step.residual.replace("_", " ")
-            residuals["quality"] = quality_of(path, left, residuals[step.residual], step.usual)
+            residuals["quality"] = quality_of(path, left, residuals[step.residual], step.usual, step.hint)
         sources = [path, *(source for source in fitted.sources if source is not None)]
         size = tuple(int(n) for n in frames.values.shape[1:])
         calibration = calibration.with_part(

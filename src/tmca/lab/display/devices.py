@@ -81,15 +81,16 @@ class DeviceDescription(BaseModel):
     @model_validator(mode="after")
     def _complete(self) -> DeviceDescription:
         if self.kind in ("dmd", "lcos") and self.size is None:
-            raise ValueError(f"size: a {self.kind} has one")
+            raise ValueError(f"size: (rows, columns), which a {self.kind} has")
         if self.kind == "deformable-mirror" and not (self.noll and self.stroke_um):
-            raise ValueError("noll, stroke_um: a deformable mirror has both")
+            raise ValueError("noll, stroke_um: both, which a deformable mirror has")
         if self.kind == "lcos" and self.bits != 8:
             raise ValueError("bits: 8, frames of an LCoS are grey pictures")
         if self.buckets > 1 and self.kind != "coded-exposure":
             raise ValueError(f"buckets: 1, a {self.kind} has no more")
         if len(self.places) > 2**self.bits:
-            raise ValueError(f"bits: enough for the {len(self.places)} places where a slot's light goes")
+            bits = (len(self.places) - 1).bit_length()
+            raise ValueError(f"bits: {bits} or more, for the {len(self.places)} places where a slot's light goes")
         return self
 
     @property
@@ -132,14 +133,23 @@ def device_named(name: str, **changes: Any) -> DeviceDescription:
     except ValidationError as error:
         if unknown := unknown_name(error, DeviceDescription):
             raise SettingError(f"{file}: {unknown[0]}", *unknown[1:]) from None
-        first = error.errors()[0]
-        where, found = _where(first["loc"], file, changes), str(first.get("input"))[:80]
-        raise SettingError(where, "nothing" if first["type"] == "missing" else found, expected_of(first)) from None
+        place, found, expected = _first_wrong(error, described)
+        raise SettingError(_where(place, file, changes), found, expected) from None
     if device.lut is not None and device.kind != "lcos":
         raise SettingError(
             _where(("lut",), file, changes), f"one of a {device.kind}", "none: an lcos alone has a response"
         )
     return device
+
+
+def _first_wrong(error: ValidationError, described: Mapping[str, Any]) -> tuple[Sequence[int | str], str, str]:
+    """Place, what was found and what is expected of the first wrong value, or of one that does not fit the others."""
+    first = error.errors()[0]
+    place, expected = first["loc"], expected_of(first)
+    if not place:
+        name, _, expected = expected.partition(": ")
+        return (name,), str(described.get(name, "nothing"))[:80], expected
+    return place, "nothing" if first["type"] == "missing" else str(first.get("input"))[:80], expected
 
 
 def _where(place: Sequence[int | str], file: Path, changes: Mapping[str, Any]) -> str:

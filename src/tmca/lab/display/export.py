@@ -286,13 +286,24 @@ def _levels(plane: NDArray[np.float32], device: DeviceDescription, source: str) 
 
 def _check_tile(frames: NDArray[np.generic], device: DeviceDescription, source: str) -> None:
     """Raises SettingError for codes that do not repeat as a device that holds one tile of them does."""
-    if device.tile is None:
+    if device.tile is None or all(_repeats(frames, axis, side) for axis, side in enumerate(device.tile, 1)):
         return
-    (rows, columns), size = device.tile, frames.shape[1:]
-    repeated = frames[:, np.arange(size[0]) % rows][:, :, np.arange(size[1]) % columns]
-    if not np.array_equal(frames, repeated):
-        found, held = f"a {device.plane} that does not repeat", f"tiles of {rows}×{columns} pixels on {device.name}"
-        raise SettingError(source, found, held, f"take codes with a period (--period {rows}x{columns})")
+    rows, columns = device.tile
+    expected = f"one that repeats every {rows}×{columns}, the tile of {device.name}"
+    own = f"--period {rows}" if rows == columns else "such a tile from a file (--codes, docs/devices.md)"
+    found = f"a {device.plane} that {_said_period(frames)}"
+    raise SettingError(source, found, expected, f"take codes with {own}, or another device")
+
+
+def _repeats(frames: NDArray[np.generic], axis: int, every: int) -> bool:
+    lines = np.moveaxis(frames, axis, 0)
+    return np.array_equal(lines[every:], lines[:-every])
+
+
+def _said_period(frames: NDArray[np.generic]) -> str:
+    sizes = enumerate(frames.shape[1:], 1)
+    periods = [next((n for n in range(1, size // 2 + 1) if _repeats(frames, axis, n)), 0) for axis, size in sizes]
+    return f"repeats every {periods[0]}×{periods[1]} pixels" if all(periods) else "does not repeat"
 
 
 def _mirror(codes: Planes, device: DeviceDescription, exposure: float, place: Path) -> dict[str, Any]:
