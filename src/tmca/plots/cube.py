@@ -162,8 +162,8 @@ def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
 
 def mark(axis: Axes, points: Sequence[tuple[int, int]]) -> None:
     for colour, (row, column) in zip(_POINT_COLOURS, points, strict=False):
-        look = {"markersize": 7, "markerfacecolor": colour, "markeredgecolor": "white"}
-        axis.plot(column, row, "o", clip_on=False, **look)
+        (point,) = axis.plot(column, row, "o", markersize=7, markerfacecolor=colour, markeredgecolor="white")
+        point.set(clip_on=False, zorder=3)  # whole at an edge, above the frame
 
 
 def spectra(
