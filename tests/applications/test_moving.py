@@ -103,7 +103,8 @@ def test_a_light_field_in_frames_is_drawn(light_field, tmp_path):
     assert all(file.stat().st_size > 1000 for file in files)
     assert tmca.evaluate(estimate, truth)["psnr"] > 20
     titles = [axis.get_title() for axis in estimate.plot(truth).axes]
-    assert "space-time-lmmse, mean of 2 frames" in titles
+    assert "space-time-lmmse, mean of 2 frames\nagainst the scene at rest" in titles
+    assert "space-time-lmmse, mean of 2 frames" in [axis.get_title() for axis in estimate.plot().axes]
 
 
 def test_a_file_of_a_light_field_in_frames_is_evaluated_frame_by_frame(light_field, tmp_path):

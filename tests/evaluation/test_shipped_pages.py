@@ -22,6 +22,7 @@ STUDIES = ["spectral", "light-field", "spectral-depth", *(file.stem for file in 
 def test_a_shipped_page_tells_the_shipped_numbers(study):
     numbers = json.loads((RESULTS / f"{study}.json").read_text())
     page = markdown(numbers)
+    assert "\nTraining scenes: " in page
     assert page == (RESULTS / f"{study}.md").read_text()
     assert bool(numbers["pictures"]) == (study in ("spectral", "light-field", "spectral-depth"))
     for file in (*numbers["pictures"], f"{study}_glance.png"):
@@ -41,6 +42,12 @@ def test_at_a_glance_every_row_has_its_metric_and_its_gain_over_the_best_code_of
         best = max(psnr[name, noise] for name in ("static, random", "static, designed"))
         assert gains[row, column] == pytest.approx(psnr[code, noise] - best)
         assert section.table[row][noise] == psnr[code, noise]
+    (bar,) = axis.child_axes
+    assert bar.get_ylabel() == "gain (dB)"
+    shades = {text.get_text(): text.get_color() for text in axis.texts}
+    assert (shades["46.64"], shades["38.25"]) == ("white", "black")
+    assert "full well,\n3\N{NO-BREAK SPACE}e⁻ read\nnoise" in axis.get_xticklabels()[5].get_text()
+    assert "with the same decoder" in figure.get_suptitle().replace("\n", " ")
 
 
 def test_entries_of_the_results_are_filled_in_and_other_braces_stay():

@@ -148,7 +148,8 @@ def test_spectra_of_an_estimate_have_a_band_of_one_deviation_at_the_pixels_that_
     spectrum = cube[:, 3, 20] + 0.01
     assert low == pytest.approx((spectrum - spread[:, 3, 20]).min())
     assert high == pytest.approx((spectrum + spread[:, 3, 20]).max())
-    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["truth", "lmmse", "lmmse ±1 σ"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["truth", "lmmse", "lmmse ±1 σ"]
     figure.draw_without_rendering()
     assert panel.bbox.width >= panel.bbox.height
 
@@ -205,3 +206,21 @@ def test_filters_have_the_colours_of_their_light():
     assert "heights, slot 1 of 2" in titles
     tile = next(axis for axis in figure.axes if axis.get_title().startswith("filters of a tile"))
     np.testing.assert_allclose(tile.images[0].get_array()[1, 0], looks[2])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_legend_of_spectra_covers_none_of_them(count):
+    cube, _ = scene()
+    estimates = {f"row {number}": cube + number / 100 for number in range(count)}
+    figure = cubes.reconstruction_figure(estimates, WAVELENGTHS, cube, {"row 1": 0.1 * cube})
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert not any(axis.legend_ for axis in figure.axes)
+    assert not any(legend.get_window_extent().overlaps(axis.get_tightbbox()) for axis in figure.axes if axis.axison)
+    assert any("±1 σ" in text.get_text() for text in legend.get_texts()) == (count > 1)
+
+
+def test_points_at_an_edge_are_whole():
+    cube, _ = scene()
+    figure = cubes.reconstruction_figure({"lmmse": cube}, WAVELENGTHS, cube, at=[(0, 0)])
+    assert not figure.axes[0].lines[0].get_clip_on()

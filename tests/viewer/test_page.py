@@ -255,3 +255,14 @@ def test_a_file_that_vanishes_is_told_on_the_page(look, tmp_path):
     path.unlink()
     looked.ask("tmca.planes.kept.clear(), tmca.desk.move(20)")
     looked.until("document.getElementById('message').textContent.includes('it is gone')")
+
+
+def test_a_picture_and_its_rulers_are_of_one_size_in_every_frame(look):
+    looked = look(cube())
+    ready(looked)
+    next_frame = "new Promise(requestAnimationFrame)"
+    shrunk = f"""(async () => {{ await {next_frame}; tmca.page.style.height = "300px"; await {next_frame};
+        return [tmca.painter.canvas.height, tmca.stage.clientHeight] }})()"""
+    drawn, stage = looked.ask(shrunk)
+    assert drawn == stage < 300
+    assert not looked.ask("tmca.painter.gl.getContextAttributes().desynchronized")

@@ -69,7 +69,7 @@ def estimate_pictures(
     application, movie = application_of(estimate.camera), dict[str, Any]()
     stored = estimate.to_xarray().assign(estimate.maps)
     if FRAMES in stored.dims:
-        movie, stored = _movie(stored, truth), mean_frame(stored)
+        movie, stored = _movie(stored, truth), mean_frame(stored, truth is not None)
     drawn = {**application.figures(stored, estimate.camera, truth, snapshot, target.stem), **movie}
     files = _files(target, drawn)
     return [save_picture(one, file, overwrite=overwrite) for one, file in zip(drawn.values(), files, strict=True)]

@@ -57,7 +57,7 @@ def overview_figure(found: Row, study: Study) -> Figure:
     several = len({decoder for _, decoder in groups}) > 1
     names = [f"{code} + {labels[decoder]}" if several else code for code, decoder in groups]
     gains = _gains(values, [*groups], study)
-    return coloured_table(names, [*study.noises], values, gains, _metric(study)[2], _caption(study))
+    return coloured_table(names, [*study.noises], values, gains, _metric(study)[2], _caption(study), _unit(study))
 
 
 def _gains(values: np.ndarray, rows: Sequence[tuple[str, str]], study: Study) -> np.ndarray:
@@ -77,10 +77,14 @@ def _gains(values: np.ndarray, rows: Sequence[tuple[str, str]], study: Study) ->
 
 
 def _caption(study: Study) -> str:
-    metric, heading, _ = _metric(study)
-    unit = "gain (dB)" if metric == "psnr" else f"−10 log₁₀ of the ratio of {heading.partition(' (')[0]}"
     base = "the best code of one slot" if any(code.one_slot for code in study.codes.values()) else "the first code"
-    return f"{heading}; colours: {unit} over {base}"
+    return f"{_metric(study)[1]}; colours: {_unit(study)} over {base} with the same decoder"
+
+
+def _unit(study: Study) -> str:
+    """What the colours are."""
+    metric, heading, _ = _metric(study)
+    return "gain (dB)" if metric == "psnr" else f"−10 log₁₀ of the ratio of {heading.partition(' (')[0]}"
 
 
 def _metric(study: Study) -> Column:

@@ -117,13 +117,13 @@ def write_pictures(study: Study, found: Row, measured: Sequence[Measured], out: 
 def markdown(found: Row) -> str:
     """The results for people."""
     study, split = checked_study(found["study"], "study"), found["split"]
-    learned = ", ".join(split["train"]) or "the rendered training scenes"
+    learned = ", ".join(split["train"]) or "rendered ones"
     bands = f" {found['bands']}." if found.get("bands") else ""
     words = {name: _words(found[name]) for name in ("study", "split", "budget")}
     lines = [
         f"# {page_title(study)}", "", made_by(found), "",
-        f"What is learned is learned from {learned}; measured on {', '.join(split['test'])}. Equal exposure time in "
-        f"all rows. Means over scenes of means over seeds, then scene by scene.{bands} Light is the share of a white "
+        f"Training scenes: {learned}; test scenes: {', '.join(split['test'])}. Equal exposure time in all "
+        f"rows. Means over scenes of means over seeds, then scene by scene.{bands} Light is the share of a white "
         "scene's light that passes mask and shutter.", "",
         *(line for text in said_about(found, study) for line in (text, "")),
     ]  # fmt: skip

@@ -62,7 +62,7 @@ def _some_bands(study: Study, there: Sequence[NDArray[np.float64]]) -> str:
     bands, counts = study.reading["bands"], sorted({len(metres) for metres in there})
     if not counts or counts[-1] <= bands:
         return ""
-    option = f"--bands {counts[0]}" if study.figure else f"bands: {counts[0]} of the reading"
+    option = f"--bands {counts[0]}" if study.figure else f"`bands: {counts[0]}` under `reading`"
     whole = all(metres.min() > low - 1e-9 and metres.max() < high + 1e-9 for metres in there)
     hint = f" ({option} for all)" if whole and len(counts) == 1 else ""
     return f"{bands} of {' or '.join(map(str, counts))} bands{hint}"

@@ -162,7 +162,8 @@ def sample_points(cube: np.ndarray, count: int = 3) -> list[tuple[int, int]]:
 
 def mark(axis: Axes, points: Sequence[tuple[int, int]]) -> None:
     for colour, (row, column) in zip(_POINT_COLOURS, points, strict=False):
-        axis.plot(column, row, "o", markersize=7, markerfacecolor=colour, markeredgecolor="white")
+        (point,) = axis.plot(column, row, "o", markersize=7, markerfacecolor=colour, markeredgecolor="white")
+        point.set(clip_on=False, zorder=3)  # whole at an edge, above the frame
 
 
 def spectra(
@@ -172,12 +173,13 @@ def spectra(
     points: Sequence[tuple[int, int]],
     deviations: Mapping[str, np.ndarray] | None = None,
 ) -> None:
-    """Solid: the first cube (the truth); the others with dashes and dots, and a band of ±1 σ where that is known."""
+    """Solid: the first cube (the truth); the others with dashes and dots, and a band of ±1 σ where that is known. The
+    legend (`legend_below`) has the first lines of their names."""
     nanometres, bands = np.asarray(wavelengths) * 1e9, deviations or {}
     styles: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (6, 2)), (0, (3, 1, 1, 1)))
     for style, (name, cube) in zip(styles, cubes.items(), strict=False):
         for colour, (row, column) in zip(_POINT_COLOURS, points, strict=False):
-            label = name if (row, column) == tuple(points[0]) and name else None
+            label = name.partition("\n")[0] if (row, column) == tuple(points[0]) and name else None
             values = cube[:, row, column]
             axis.plot(nanometres, values, linestyle=style, color=colour, label=label, linewidth=1.4)
             if name in bands:
@@ -187,8 +189,11 @@ def spectra(
                     nanometres, values - spread, values + spread, color=colour, alpha=0.25, linewidth=0, label=band
                 )
     plain_axes(axis, "spectra at the points", "wavelength (nm)", _UNIT)
-    if any(cubes):
-        axis.legend(fontsize=SMALL)
+
+
+def legend_below(figure: Figure, axis: Axes) -> None:
+    """What the lines of an axis are, below all axes, where it covers none of them."""
+    figure.legend(*axis.get_legend_handles_labels(), fontsize=SMALL, loc="outside lower center", ncols=3)
 
 
 def check_points(at: Any, size: tuple[int, int]) -> list[tuple[int, int]]:
@@ -295,6 +300,7 @@ class _Reconstructions:
         spectra(panel, {**self.real, name: cube}, self.wavelengths, self.points, self.deviations)
         panel.set_title("spectra at (row, column) " + ", ".join(map(str, self.points)), fontsize=TITLE)
         panel.set_box_aspect(min(1.0, aspect / columns, 0.6))
+        legend_below(figure, panel)
         return figure
 
     def of_several(self) -> Figure:
@@ -311,6 +317,8 @@ class _Reconstructions:
             panel = _joined(figure, axes[1:, 0]) if rows > 1 else axes[0, -1]
             spectra(panel, {**self.real, **self.estimates}, self.wavelengths, self.points, self.deviations)
             panel.set_box_aspect(min(1.0, self.reference.shape[1] / self.reference.shape[2]))
+        predicting = [at for at, name in enumerate(self.estimates, 1) if name in self.deviations]
+        legend_below(figure, axes[-1, (predicting or [1])[0]] if many else panel)
         return figure
 
     def _column(self, column: np.ndarray, name: str, many: bool) -> None:

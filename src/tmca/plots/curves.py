@@ -96,6 +96,8 @@ def _lines(axis: Axes, rows: Sequence[Mapping[str, Any]], axes: Sequence[str], m
 
 _LETTERS, _LETTERS_AN_INCH = 12, 11
 """Of a line of a column's name, and of titles."""
+_DARK = 0.179
+"""Relative luminance below which white has more contrast than black."""
 Gain = tuple[int, float, float]
 """Slots K, gain over the static code in dB, and its standard deviation over the scenes."""
 
@@ -131,9 +133,15 @@ def gains_figure(surveyed: Mapping[str, Sequence[Gain]], title: str, chosen: tup
 
 
 def coloured_table(
-    rows: Sequence[str], columns: Sequence[str], values: np.ndarray, shades: np.ndarray, spec: str, title: str
+    rows: Sequence[str],
+    columns: Sequence[str],
+    values: np.ndarray,
+    shades: np.ndarray,
+    spec: str,
+    title: str,
+    unit: str,
 ) -> Figure:
-    """Numbers in fields that are blue where the shade is above 0 and red below it.
+    """Numbers in fields that are blue where the shade is above 0 and red below it, with a colour bar.
 
     Args:
         rows, columns: their names.
@@ -141,23 +149,35 @@ def coloured_table(
         shades: (R, C) of the colours.
         spec: format of the numbers.
         title: above them.
+        unit: of the colours, beside their bar.
     """
-    width, height = 0.6 + 0.085 * max(map(len, rows)) + 0.95 * len(columns), 0.9 + 0.27 * len(rows)
+    width, height = 0.6 + 0.085 * max(map(len, rows)) + 0.95 * len(columns) + 0.7, 0.9 + 0.27 * len(rows)
     figure = blank_figure(width, height)
     axis = figure.subplots()
     most = max(float(np.nanmax(np.abs(shades), initial=0.0)), 1e-9)
-    axis.imshow(np.ma.masked_invalid(shades), cmap="RdBu", vmin=-1.3 * most, vmax=1.3 * most, aspect="auto")
+    look: dict[str, Any] = {"cmap": "RdBu", "vmin": -1.3 * most, "vmax": 1.3 * most}
+    shown = axis.imshow(np.ma.masked_invalid(shades), aspect="auto", **look)
+    dark = _luminance(shown.to_rgba(np.ma.masked_invalid(shades))) < _DARK
     for (row, column), value in np.ndenumerate(values):
         if np.isfinite(value):
-            axis.text(column, row, format(value, spec), ha="center", va="center", fontsize=SMALL)
-    wrapped = [textwrap.fill(name, _LETTERS) for name in columns]
+            colour = "white" if dark[row, column] else "black"
+            axis.text(column, row, format(value, spec), ha="center", va="center", fontsize=SMALL, color=colour)
+    wrapped = [textwrap.fill(name.replace(" e⁻", "\N{NO-BREAK SPACE}e⁻"), _LETTERS) for name in columns]
     axis.set_yticks(range(len(rows)), rows)
     axis.set_xticks(range(len(columns)), wrapped)
     axis.xaxis.tick_top()
     plain_axes(axis, "", "", "")
     axis.tick_params(length=0)
+    add_bar(axis, shown, unit)
     figure.suptitle(textwrap.fill(title, int(_LETTERS_AN_INCH * width)), fontsize=TITLE)
     return figure
+
+
+def _luminance(colours: np.ndarray) -> np.ndarray:
+    """(…) relative luminance of sRGB (…, 4), clear ones on white."""
+    curved = 1 - colours[..., 3:] * (1 - colours[..., :3])
+    linear = np.where(curved <= 0.04045, curved / 12.92, ((curved + 0.055) / 1.055) ** 2.4)
+    return np.asarray(linear @ (0.2126, 0.7152, 0.0722))
 
 
 def fisher_figure(information: Mapping[str, tuple[np.ndarray, np.ndarray]], metres: np.ndarray) -> Figure:

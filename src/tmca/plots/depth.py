@@ -11,6 +11,7 @@ import numpy as np
 from tmca.plots.cube import (
     captioned,
     check_points,
+    legend_below,
     mark,
     note_false_colour,
     rgb_composite,
@@ -104,6 +105,7 @@ def depth_figure(
     image(axes[-1, 2], confidence, "confidence", top=1.0, bar="probability within a bin, as a share")
     if truth is not None:
         spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
+        legend_below(figure, axes[0, 2])
     return note_false_colour(figure, wavelengths)
 
 
@@ -150,7 +152,6 @@ def rows_figure(
         missing = np.full_like(cube, np.nan)
         cubes = {name: estimates[name][0] if name in estimates else missing for name in decoders}
         spectra(row[-1], {"truth": cube, **cubes}, wavelengths, points)
-        row[-1].get_legend().remove()
     axes[0, -1].legend(*axes[-1, -1].get_legend_handles_labels(), loc="center", fontsize=8)
     return figure
 

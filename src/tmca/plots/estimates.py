@@ -48,7 +48,7 @@ def estimate_figure(
         DataError: a truth of another kind, or a smaller one.
         SettingError: pixels outside the estimate, or of one that has no spectra.
     """
-    first = mean_frame(estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate)
+    first = mean_frame(estimate.isel(snapshot=0) if "snapshot" in estimate.dims else estimate, truth is not None)
     whole: Any = _read(str(truth), first, limits) if isinstance(truth, str | Path) else truth
     if limits is not None:
         return _with_depth(first, whole, limits, at)
@@ -64,13 +64,14 @@ def estimate_figure(
     return (_views if "view_v" in axes else _other)(first, scene)
 
 
-def mean_frame(estimate: xr.Dataset) -> xr.Dataset:
-    """The mean of an estimate in frames, which its name says, others as they are; its deviation is the mean of theirs,
-    which is at least its own."""
+def mean_frame(estimate: xr.Dataset, compared: bool = False) -> xr.Dataset:
+    """The mean of an estimate in frames, which its name says, and what it is ``compared`` with; others as they are. Its
+    deviation is the mean of theirs, which is at least its own."""
     count = estimate.sizes.get("slot")
     if count is None:
         return estimate
     name = f"{estimate.attrs.get('decoder', 'estimate')}, mean of {count} frames"
+    name += "\nagainst the scene at rest" if compared else ""
     return estimate.mean("slot", keep_attrs=True).assign_attrs(decoder=name)
 
 

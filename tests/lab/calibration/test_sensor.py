@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from tmca.codes import slot_overlap as repeated_overlap
 from tmca.errors import DataError, SettingError
+from tmca.lab.calibration.figures import part_figure
 from tmca.lab.calibration.sensor import DEAD, HOT, measure_dark, measure_flat, measure_linearity
-from tmca.lab.calibration.timing import measure_timing, pair_light, slot_overlap
+from tmca.lab.calibration.timing import Timing, measure_timing, pair_light, slot_overlap
 from tmca.lab.quality import Doubtful
 
 SIZE = (37, 42)
@@ -238,3 +239,8 @@ def test_lamps_that_flicker_are_measured(seed):
     flicker = 1 + 0.02 * np.random.default_rng(seed).standard_normal((4, 4))
     found = measure_timing(pair_light(slot_overlap(4, 0.157, 0.98), 0.003, 0.011) * flicker)
     assert found.delay == pytest.approx(0.157, abs=0.1)
+
+
+def test_a_delay_that_rounds_to_zero_is_drawn_without_a_sign_of_its_own():
+    part = Timing(-1e-6, 1.0, np.zeros(2), 1.0, 0.0, slots=2)
+    assert part_figure({"timing": part}, "timing", "timing").axes[0].get_title().startswith("delay +0.0000 slots")

@@ -63,7 +63,7 @@ def registration(axes: Any, part: Registration) -> None:
     axes[0].plot(*corners, color="0.6", linewidth=1)
     middle = mapped(part.matrix, *(np.array((n - 1) / 2) for n in part.codes))
     row, column = (float(at - (n - 1) / 2) for at, n in zip(middle, part.sensor, strict=True))
-    title = f"mask (dots) on the sensor (frame)\nmiddle {row:+.2f} rows, {column:+.2f} columns from the sensor's"
+    title = f"mask (dots) on the sensor (frame)\nmiddle {row:+z.2f} rows, {column:+z.2f} columns from the sensor's"
     plain_axes(axes[0], title, "sensor column", "sensor row")
     moved = sensor - np.stack(mapped(nominal_matrix(part.codes, part.sensor, part.scale), *mask))
     moved = moved - moved.mean(axis=1, keepdims=True)
@@ -116,7 +116,7 @@ def timing(axes: Any, part: Timing) -> None:
         begin = part.delay + part.ratio * slot
         axes[0].barh(0, part.ratio, left=begin, height=0.35, color=RED, edgecolor="white")
     axes[0].set_yticks([0, 0.45], ["shutter", "aperture"])
-    title = f"delay {part.delay:+.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
+    title = f"delay {part.delay:+z.4f} slots, ratio {part.ratio:.4f}, leakage {part.leakage:.2%}"
     plain_axes(axes[0], title, "slots of the aperture", "")
     shown = axes[1].imshow(part.overlap(), cmap="viridis", vmin=0)
     axes[1].set(xticks=range(part.slots), yticks=range(part.slots))

@@ -101,9 +101,13 @@ export class App {
     this.waiting = true;
     requestAnimationFrame(() => {
       this.waiting = false;
-      this.desk.draw();
-      this.frames++;
+      this.draw();
     });
+  }
+
+  draw() {
+    this.desk.draw();
+    this.frames++;
   }
 
   saveState() {
@@ -137,7 +141,7 @@ export class App {
     on("csv", () => this.desk.saveTable());
     on("ground", () => this.turnGround());
     on("ask", () => this.showHelp());
-    new ResizeObserver(() => ((this.desk.arranged = null), this.redraw())).observe(this.stage);
+    new ResizeObserver(() => ((this.desk.arranged = null), this.draw())).observe(this.stage); // before the new size is seen
     this.address.listen(this);
   }
 

@@ -45,7 +45,7 @@ const MOST_BYTES = 500e6;
 export class Painter {
   constructor(canvas) {
     this.canvas = canvas;
-    this.gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, desynchronized: true });
+    this.gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false });
     if (!this.gl) throw new Error("This browser has no WebGL 2, which the pictures need. Use a recent Firefox, Chrome, Edge or Safari.");
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => (this.#begin(), this.restored?.()));
