@@ -7,7 +7,7 @@ from torch import Tensor
 
 from tests.small_scenes import noisy
 from tmca.cameras import Snapshot, SpectralCamera
-from tmca.decoders import admm_tv, decode, default_weight
+from tmca.decoders import admm, admm_tv, decode, default_weight
 from tmca.decoders.least_squares import DataStep
 from tmca.operators import TapOperator
 from tmca.operators.linear import Diverged
@@ -140,6 +140,40 @@ def test_a_poor_penalty_is_balanced(rho: float, balanced: tuple[TapOperator, Ten
     assert admm_tv(camera, snapshot, 0.02, rho=rho, max_iterations=1000, tolerance=1e-6).objective[-1] == (
         pytest.approx(best, rel=1e-4)
     )
+
+
+@pytest.mark.parametrize("size", [(5, 8), (8, 5), (1, 7), (6, 6)])
+@pytest.mark.parametrize("shift", [1.1, 0.2])
+def test_a_step_towards_the_smoothed_cube_leaves_a_share_of_every_part_of_the_error(
+    size: tuple[int, int], shift: float
+) -> None:
+    down, across = (differences(length) for length in size)
+    normal = np.kron(down.T @ down, np.eye(size[1])) + np.kron(np.eye(size[0]), across.T @ across)
+    parts = np.linalg.eigh(normal)[1]
+    solution, start = (
+        torch.from_numpy(blocky).double() for blocky in np.random.default_rng(0).random((2, 1, 1, *size))
+    )
+    right = torch.from_numpy((normal + shift * np.eye(len(normal))) @ solution.flatten().numpy()).view_as(solution)
+    near = start.clone()
+    admm.approach(near, right.clone(), shift)
+    before, after = (parts.T @ (cube - solution).flatten().numpy() for cube in (start, near))
+    left = after / before
+    assert (left > -1e-9).all()
+    assert (left < 1).all()
+    for _ in range(200):
+        admm.approach(near, right.clone(), shift)
+    torch.testing.assert_close(near, solution, atol=1e-9, rtol=0)
+
+
+def test_channels_by_parts_are_decoded_as_all_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    camera = coded_camera(SHAPE)
+    snapshot = noisy(camera.A(blocky_scene((2, *SHAPE))), 0.02)
+    whole = [admm_tv(camera, snapshot, 0.01, joint=joint, bounds=(0, 1)) for joint in (False, True)]
+    monkeypatch.setattr(admm, "_PART", 1)
+    parts = [admm_tv(camera, snapshot, 0.01, joint=joint, bounds=(0, 1)) for joint in (False, True)]
+    for one, other in zip(whole, parts, strict=True):
+        torch.testing.assert_close(one.estimate, other.estimate)
+        assert one.objective == pytest.approx(other.objective)
 
 
 def test_weight_for_noise_grows_with_its_variance() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from skimage.restoration import denoise_tv_chambolle
 from small_cameras import blocky_scene
 
-from tmca.decoders.tv import NeumannSolver, divergence, gradient, project, total_variation, tv_prox
+from tmca.decoders.tv import divergence, gradient, project, total_variation, tv_prox
 
 
 def random(*shape: int, dtype: torch.dtype = torch.float64) -> torch.Tensor:
@@ -54,20 +54,6 @@ def test_shrinkage_shortens_every_gradient_by_the_threshold_or_to_zero(joint: bo
     after = torch.linalg.vector_norm(field - project(field, threshold, joint), dim=axes)
     assert torch.allclose(after, (before - threshold).clamp_min(0), atol=1e-12)
     assert torch.linalg.vector_norm(project(field, threshold, joint), dim=axes).max() <= threshold + 1e-12
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-@pytest.mark.parametrize("size", [(5, 8), (8, 5), (1, 7), (6, 6)])
-@pytest.mark.parametrize("by_matrices", [False, True])
-def test_neumann_solver_inverts_the_shifted_laplacian(
-    size: tuple[int, int], dtype: torch.dtype, by_matrices: bool
-) -> None:
-    cube = random(2, 3, *size, dtype=dtype)
-    solver = NeumannSolver(cube, 1.7, by_matrices=by_matrices)
-    right = 1.7 * cube - divergence(gradient(cube))
-    solution = solver(right)
-    assert solution.dtype == dtype
-    assert torch.allclose(solution, cube, atol=2e-6 if dtype == torch.float32 else 1e-12)
 
 
 def test_variation_denoising_agrees_with_scikit_image() -> None:

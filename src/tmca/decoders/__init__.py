@@ -2,6 +2,7 @@
 
 from tmca.arguments import settings_of
 from tmca.decoders import adapted, kriging, motions, network, space_time  # noqa: F401  (importing a decoder registers it)
+from tmca.decoders.admm import admm_tv, default_weight
 from tmca.decoders.aliases import Decoded, decode_light_field, find_weights
 from tmca.decoders.decoder import Decoder, NoRenderedPrior, Prepared, Raw, decode
 from tmca.decoders.dictionary import DictionaryEstimator
@@ -25,7 +26,7 @@ from tmca.decoders.pnp import (
 from tmca.decoders.registry import DECODERS, decoders, decoders_for, make_decoder, usual_decoder
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
-from tmca.decoders.tv import admm_tv, default_weight, total_variation, tv_prox
+from tmca.decoders.tv import total_variation, tv_prox
 
 __all__ = [
     "DECODERS",

@@ -21,7 +21,6 @@ from tmca.cameras.frames import frame_taps
 from tmca.decoders.batches import one_by_one
 from tmca.decoders.decoder import Decoder, Progress
 from tmca.decoders.least_squares import DataStep, energy, noise_level
-from tmca.decoders.tv import cosines
 from tmca.errors import SettingError, check_range
 from tmca.operators import LinearOperator, TapOperator, Taps
 
@@ -89,6 +88,14 @@ class BlockThreshold:
         weights = 1 / keep.sum((1, 2, 3))[:, None].to(blocks)
         spectrum = spectrum * keep * weights[..., None, None]
         return down.mT @ torch.einsum("at,nahw->nthw", time, spectrum) @ right, weights
+
+
+def cosines(size: int, like: Tensor) -> Tensor:
+    """Orthonormal DCT-II matrix (size, size), one frequency per row."""
+    index = torch.arange(size, dtype=torch.float64)
+    matrix = torch.cos(math.pi / size * torch.outer(index, index + 0.5)) * math.sqrt(2 / size)
+    matrix[0] /= math.sqrt(2)
+    return matrix.to(like)
 
 
 @torch.no_grad()
