@@ -202,8 +202,8 @@ def admm_tv(
         max_iterations: most iterations done.
         tolerance: the iteration stops when, over the whole batch, the primal residual ‖Kx − w‖ is below this
             share of the copies' norm and the dual residual ρ‖KᵀΔw‖ below this share of the multipliers'
-            norm, with K x = (x, ∇x, x) and w = (u, v, z). On cubes of 12 bands, 1e-3
-            gives the objective to 3e-3 and the PSNR to 0.05 dB. 0 runs all iterations.
+            norm, with K x = (x, ∇x, √β x) and w its copies. On cubes of 12 bands, 1e-3
+            gives the objective to 5e-3 and the PSNR to 0.02 dB. 0 runs all iterations.
         rho: first penalty, by default 10 · weight; while the residuals differ tenfold it is balanced, in the
             first half of ``max_iterations``.
         progress: called at every check, see `Checked`.
