@@ -3,13 +3,11 @@ import numpy as np
 import pytest
 import torch
 from small_cameras import BlurredCamera, blocky_scene, coded_camera, matrix
-from torch import Tensor
 
 from tests.small_scenes import noisy
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import admm, admm_tv, decode, default_weight
 from tmca.decoders.least_squares import DataStep
-from tmca.operators import TapOperator
 from tmca.operators.linear import Diverged
 from tmca.sensor import Sensor
 
@@ -126,20 +124,14 @@ def test_behind_a_blurred_relay_noise_does_not_outgrow_the_scene(size: tuple[int
     assert estimate.notes["converged"] or decoder == "pnp-tv"
 
 
-@pytest.fixture(scope="module")
-def balanced() -> tuple[TapOperator, Tensor, float]:
-    """A camera, a snapshot, and the least objective."""
+@pytest.mark.parametrize("rho", [1e-4, 1e3])
+@pytest.mark.parametrize(("joint", "bounds"), [(False, None), (True, (0.0, 0.5))])
+def test_a_poor_penalty_is_balanced(rho: float, joint: bool, bounds: tuple[float, float] | None) -> None:
     camera = coded_camera(SHAPE)
     snapshot = noisy(camera.A(blocky_scene((1, *SHAPE))), 0.02)
-    return camera, snapshot, admm_tv(camera, snapshot, 0.02, max_iterations=5000, tolerance=1e-8).objective[-1]
-
-
-@pytest.mark.parametrize("rho", [1e-4, 1e3])
-def test_a_poor_penalty_is_balanced(rho: float, balanced: tuple[TapOperator, Tensor, float]) -> None:
-    camera, snapshot, best = balanced
-    assert admm_tv(camera, snapshot, 0.02, rho=rho, max_iterations=1000, tolerance=1e-6).objective[-1] == (
-        pytest.approx(best, rel=1e-4)
-    )
+    best = admm_tv(camera, snapshot, 0.02, joint=joint, bounds=bounds, max_iterations=5000, tolerance=1e-8)
+    poor = admm_tv(camera, snapshot, 0.02, joint=joint, bounds=bounds, rho=rho, max_iterations=1000, tolerance=1e-6)
+    assert poor.objective[-1] == pytest.approx(best.objective[-1], rel=1e-4)
 
 
 @pytest.mark.parametrize("size", [(5, 8), (8, 5), (1, 7), (6, 6)])

@@ -1,5 +1,6 @@
 """The mixture decoder: every component's textbook estimate by its probability."""
 
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -7,9 +8,9 @@ import torch
 
 from tests.small_scenes import CAMERAS, camera, noisy, patches, smooth_scene, snapshot, textbook
 from tmca.errors import SettingError
-from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior
+from tmca.priors import BlockModel, GaussianMixturePrior, GaussianPrior, mixture_posterior
 from tmca.priors.gaussian_posterior import NOISE_FLOOR
-from tmca.priors.mixture_posterior import _factors
+from tmca.priors.mixture_posterior import MixtureSolver
 from tmca.sensor import Noise
 
 BLOCK = (3, 4, 12)
@@ -36,8 +37,6 @@ def test_one_component_is_the_linear_estimate(name, read_noise, shot):
 
 
 def test_block_estimate_and_variance_are_the_textbook_mixture(prior):
-    from tmca.priors.mixture_posterior import MixtureSolver
-
     taps = camera("single disperser", 4, 12)
     model, read, shot = BlockModel.of(taps, BLOCK), 0.05, 0.01
     scene = prior.sample(6, seed=4)
@@ -76,13 +75,20 @@ def test_on_scenes_of_the_mixture_it_beats_the_best_linear_estimate_and_knows_it
     assert float(z.square().mean()) == pytest.approx(1, abs=0.1)
 
 
-def test_covariances_that_single_precision_leaves_indefinite_are_solved_with_what_it_may_hide():
-    taps = torch.rand(2, 40, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    rounded = (taps @ taps.mT).float().double() + 1e-12 * torch.eye(40)
-    assert torch.linalg.eigvalsh(rounded).min() < 0
-    factors = _factors(rounded)
-    torch.testing.assert_close(factors @ factors.mT, rounded, atol=1e-5, rtol=0)
-    worse = rounded - 1e-5 * torch.eye(40)  # as of codes that repeat every four pixels, before twelve bands
-    torch.testing.assert_close(_factors(worse) @ _factors(worse).mT, worse, atol=1e-3, rtol=0)
+def test_where_rounding_is_above_the_noise_all_components_have_what_it_may_hide(prior, monkeypatch):
+    model = BlockModel.of(taps := camera("single disperser", 4, 12), BLOCK)
+    solver = MixtureSolver(prior, model, Noise(1e-6), torch.float64)
+    posterior = solver.posterior(taps.code[None])
+    values, vectors = torch.linalg.eigh(posterior.signal[0])
+    lowest, level = torch.outer(vectors[:, 0], vectors[:, 0]), float(values.mean())
+
+    def components(below):
+        signal = posterior.signal - (values[0] + below * level) * lowest
+        return replace(posterior, signal=signal, inside=0 * posterior.inside).components(0, solver.every)
+
     with pytest.raises(SettingError, match="positive definite"):
-        _factors(rounded - torch.eye(40))
+        components(1.0)
+    together = components(1e-5)
+    assert together.log_scale.isfinite().all()
+    monkeypatch.setattr(mixture_posterior, "_AT_ONCE", 1)
+    torch.testing.assert_close(components(1e-5).log_scale, together.log_scale)

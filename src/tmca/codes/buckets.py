@@ -101,9 +101,9 @@ def _of_all(patterns: Tensor, slots: int, buckets: int) -> Tensor:
 
 def check_once(shutters: Tensor, where: str = "shutter") -> None:
     """Raises SettingError where a slot of a pixel is in two of the buckets of shutters (R, K, H, W')."""
-    twice = (shutters.sum(0) > 1 + 1e-6).nonzero().tolist()
-    if twice:
-        slot, row, column = twice[0]
+    twice = (shutters.sum(0) > 1 + 1e-6).nonzero()
+    if len(twice):
+        slot, row, column = twice[0].tolist()
         owners = " and ".join(map(str, shutters[:, slot, row, column].nonzero().flatten().tolist()))
         more = f", and {len(twice) - 1} more" if len(twice) > 1 else ""
         found = f"slot {slot} of pixel ({row}, {column}) in buckets {owners}, counted from 0{more}"

@@ -73,7 +73,7 @@ class DataStep:
         """The minimiser (B, L, H, W) next to ``point`` (B, L, H, W)."""
         misfit = self.snapshot - self.operator.A(point)
         self._solved = self.operator.gram_solve(misfit, rho, tolerance=self.tolerance, start=self._solved)
-        return self.operator.A_adjoint(self._solved).add_(point)
+        return point + self.operator.A_adjoint(self._solved)
 
     def misfit(self, cube: Tensor) -> float:
         """``½‖A x − y‖²``, summed over the batch."""

@@ -160,7 +160,19 @@ class MixturePosterior:
         """Components of one block, ordered, seen through ``some`` of its measurements.
 
         Those of a kind share a matrix if made ``together``, where noise is the same for all measurements and gains.
+        Where rounding in single precision is above the noise, all have what it may hide added, alike. It hides most
+        where codes repeat within the dispersion, and a kind of scene is far from the base.
         """
+        rounding = torch.finfo(torch.float32).eps * self.signal.shape[-1] ** 0.5
+        for hidden in (0.0, rounding, 10 * rounding):
+            try:
+                return self._components(block, index, some, together, hidden)
+            except SettingError:
+                continue
+        return self._components(block, index, some, together, 100 * rounding)
+
+    def _components(self, block: int, index: Tensor, some: slice | Tensor, together: bool, hidden: float) -> Components:
+        """The same with variances above the noise by ``hidden``, as a share of the mean variance of a kind."""
         s, prior = self.solver, self.solver.prior
         kinds, levels = index // s.levels, index % s.levels
         inside, base = self.inside[block, some], self.signal[block, some][:, some].double()
@@ -174,7 +186,9 @@ class MixturePosterior:
             kept = torch.isin(place, some_kinds)
             changes, scales = s.changes[used[some_kinds]], prior.scales[used[some_kinds], None, None]
             whole = scales * base + (inside @ changes @ inside.mT).double()
-            own, which, *part = whiten(whole, place[kept] - some_kinds[0], light[kept], noise[kept], expected[kept])
+            kind = place[kept] - some_kinds[0]
+            raised = noise[kept] + hidden * light[kept] * whole.diagonal(dim1=1, dim2=2).mean(1)[kind, None]
+            own, which, *part = whiten(whole, kind, light[kept], raised, expected[kept])
             parts.append((which + len(matrices), *part))
             matrices += [one.to(s.dtype, copy=True) for one in own]
         which, scale, offset, logs = (torch.cat(part) for part in zip(*parts, strict=True))
@@ -253,25 +267,10 @@ def _whitened(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expecte
         light: (M, 1) square of its gain.
         noise, expected: (M, m).
     """
-    factors = _factors(light[..., None] * whole[kind] + torch.diag_embed(noise))
+    factors = lower_factor(light[..., None] * whole[kind] + torch.diag_embed(noise))
     matrices, logs = lower_inverse(factors), factors.diagonal(dim1=1, dim2=2).log().sum(1)
     which = torch.arange(len(kind)).to(kind)
     return matrices, which, torch.ones_like(noise), (matrices @ expected[..., None])[..., 0], logs
-
-
-def _factors(covariance: Tensor) -> Tensor:
-    """(M, m, m) lower Cholesky factors; where rounding in single precision is above the noise, of what it may hide.
-
-    It hides most where codes repeat within the dispersion, and a kind of scene is far from the base.
-    """
-    level = covariance.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
-    rounding = torch.finfo(torch.float32).eps * len(covariance[0]) ** 0.5 * level.expand(covariance.shape[:2])
-    for hidden in (1, 10, 100):
-        try:
-            return lower_factor(covariance)
-        except SettingError:
-            covariance = covariance + torch.diag_embed(hidden * rounding)
-    return lower_factor(covariance)
 
 
 def _whitened_together(whole: Tensor, kind: Tensor, light: Tensor, noise: Tensor, expected: Tensor) -> Whitened:

@@ -83,7 +83,7 @@ class FrameFolder:
 
     Raises:
         DataError: no frames, or two files of one name.
-        SettingError: numbers that are none above 0, or a saturation that dark frames reach.
+        SettingError: numbers that are not above 0, or a saturation that dark frames reach.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class FrameFolder:
         dark = next((file for file in self.there if file.stem.lower().startswith(DARK)), None)
         if dark is not None:
             black = float(np.median(read_array(dark)))
-            remedy = "it is the digital number from which on a pixel is saturated"
+            remedy = "saturation is the digital number of a full pixel"
             check_range("--set saturation", level, above=black, remedy=f"{dark.name} has {black:g}; {remedy}")
         return level
 

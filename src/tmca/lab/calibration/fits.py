@@ -279,7 +279,7 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
 def _slots_in_turn(seen: Captured) -> int:
     """K by the names of frames; a bench takes none in turn of one slot, other software has to name one."""
     turns = [turn for name in seen.frames.names if (turn := IN_TURN.search(name))]
-    if not turns and not taken_with(seen.path):
+    if not turns and whole_exposures(seen.path) is None:
         expected = "the K slots in one bucket after the other, which tell the time of a change"
         remedy = "capture it; where K is 1, bucket_0_0 again as in_turn_1_0"
         raise DataError(seen.path, "no frame in_turn_K_0", expected, remedy)

@@ -83,7 +83,9 @@ class DeviceDescription(BaseModel):
         if self.kind in ("dmd", "lcos") and self.size is None:
             raise ValueError(f"size: (rows, columns), which a {self.kind} has")
         if self.kind == "deformable-mirror" and not (self.noll and self.stroke_um):
-            raise ValueError("noll, stroke_um: both, which a deformable mirror has")
+            raise ValueError(
+                f"{'stroke_um' if self.noll else 'noll'}: noll and stroke_um, which a deformable mirror has"
+            )
         if self.kind == "lcos" and self.bits != 8:
             raise ValueError("bits: 8, frames of an LCoS are grey pictures")
         if self.buckets > 1 and self.kind != "coded-exposure":

@@ -302,7 +302,7 @@ def _repeats(frames: NDArray[np.generic], axis: int, every: int) -> bool:
 
 def _said_period(frames: NDArray[np.generic]) -> str:
     sizes = enumerate(frames.shape[1:], 1)
-    periods = [next((n for n in range(1, size // 2 + 1) if _repeats(frames, axis, n)), 0) for axis, size in sizes]
+    periods = [next((n for n in range(1, size) if _repeats(frames, axis, n)), 0) for axis, size in sizes]
     return f"repeats every {periods[0]}×{periods[1]} pixels" if all(periods) else "does not repeat"
 
 
