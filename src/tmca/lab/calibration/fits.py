@@ -260,12 +260,15 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
     if seen.buckets == 1:
         raise DataError(seen.path, "frames of one bucket", "a page for each of several", "capture all of them")
     light = seen.calibration.corrected(seen.frames.values).mean((2, 3))
-    slots = _slots_in_turn(seen)
+    turns = [int(turn[1]) for name in seen.frames.names if (turn := IN_TURN.search(name))]
+    slots = max(turns, default=1)
     shown = [f"bucket_{bucket}_" for bucket in range(seen.buckets)] + [f"in_turn_{slots}_"] * (slots > 1)
     chosen = [[name.startswith(begin) for name in seen.frames.names] for begin in shown]
     if gone := [begin for begin, which in zip(shown, chosen, strict=True) if not any(which)]:
         raise DataError(seen.path, f"no frame {gone[0]}0", "all slots in each bucket", "capture it")
     measured = measure_buckets([light[which].mean(0) for which in chosen], slots, source=seen.path)
+    if not turns:
+        _check_bench(seen)
     residuals = {
         "residual_of_light": measured.residual,
         "leakage": measured.leakage,
@@ -276,14 +279,12 @@ def buckets(seen: Captured) -> dict[str, Fitted]:
     return {"buckets": Fitted(measured, residuals)}
 
 
-def _slots_in_turn(seen: Captured) -> int:
-    """K by the names of frames; a bench takes none in turn of one slot, other software has to name one."""
-    turns = [turn for name in seen.frames.names if (turn := IN_TURN.search(name))]
-    if not turns and whole_exposures(seen.path) is None:
+def _check_bench(seen: Captured) -> None:
+    """Raises DataError unless a bench took the frames: of one slot it takes none in turn, other software names one."""
+    if whole_exposures(seen.path) is None:
         expected = "the K slots in one bucket after the other, which tell the time of a change"
         remedy = "capture it; where K is 1, bucket_0_0 again as in_turn_1_0"
         raise DataError(seen.path, "no frame in_turn_K_0", expected, remedy)
-    return max((int(turn[1]) for turn in turns), default=1)
 
 
 def _pair_levels(seen: Captured) -> Array:
