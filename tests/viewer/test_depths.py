@@ -82,7 +82,7 @@ def test_the_surface_is_turned_and_has_spectra(looked):
     looked.page.mouse.click(*surface(looked))
     looked.until("tmca.desk.places.length === 1")
     y, x = looked.ask("tmca.desk.places[0]")
-    looked.until("tmca.desk.lines?.length > 0")
+    looked.until(f"tmca.desk.lines?.[0]?.name.endsWith('row {y}, column {x}')")  # the middle's is drawn before
     np.testing.assert_allclose(looked.ask("Array.from(tmca.desk.lines[0].y)"), CUBE[:, y, x], rtol=1e-6)
     assert looked.errors == []
 

@@ -63,7 +63,7 @@ def test_the_spectrum_at_a_click_is_that_of_the_pixel(look):
     ready(looked)
     looked.page.mouse.click(*spot(looked, 9, 21))
     looked.page.mouse.move(*spot(looked, 3, 4))
-    looked.until("tmca.desk.lines?.length === 2")
+    looked.until("tmca.desk.lines?.[1]?.name.endsWith('row 3, column 4')")
     kept, cursor = looked.ask("tmca.desk.lines.map((line) => Array.from(line.y))")
     np.testing.assert_allclose(kept, CUBE[:, 9, 21], rtol=1e-6)
     np.testing.assert_allclose(cursor, CUBE[:, 3, 4], rtol=1e-6)
