@@ -7,7 +7,7 @@ from torch.autograd import gradcheck
 from tests.small_scenes import CAMERAS, camera
 from tmca.cameras import SpectralCamera
 from tmca.operators.blocks import BlockModel
-from tmca.priors.derivatives import Products, Signal
+from tmca.priors.derivatives import BlockProducts, Signal
 
 TAPS = {name: lambda name=name: camera(name, 9, 20) for name in CAMERAS} | {
     "two buckets": lambda: SpectralCamera(3, (7, 22), slots=3, shutter="balanced", buckets=2).taps(),
@@ -45,7 +45,7 @@ def test_the_signal_has_the_derivative_of_both_of_its_sides(name, block):
 @pytest.mark.parametrize(("blocks", "counts"), [([0, 1, 2], [2, 1, 3]), ([2, 0], [1, 2])])
 def test_products_have_their_derivatives(blocks, counts):
     matrices, vectors = drawn(4, 3, 5).requires_grad_(), drawn(sum(counts), 4).requires_grad_()
-    assert gradcheck(lambda *both: Products.apply(*both, blocks, counts), (matrices, vectors))
+    assert gradcheck(lambda *both: BlockProducts.apply(*both, blocks, counts), (matrices, vectors))
     parts = vectors.split(counts)
     expected = torch.cat([part @ matrices[:, block] for block, part in zip(blocks, parts, strict=True)])
-    torch.testing.assert_close(Products.apply(matrices, vectors, blocks, counts), expected)
+    torch.testing.assert_close(BlockProducts.apply(matrices, vectors, blocks, counts), expected)

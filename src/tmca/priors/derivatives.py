@@ -33,7 +33,7 @@ class Signal(torch.autograd.Function):
         return ctx.model.correlate((gradient + gradient.mT).transpose(0, 1).contiguous(), cross), None, None
 
 
-class Products(torch.autograd.Function):
+class BlockProducts(torch.autograd.Function):
     """(Σ N, n) vectors (Σ N, m), as many of each block as ``counts`` says, times the block's matrix of (m, P, n)."""
 
     @staticmethod

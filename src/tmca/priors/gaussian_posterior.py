@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
-from tmca.priors.derivatives import Products, Signal
+from tmca.priors.derivatives import BlockProducts, Signal
 from tmca.priors.folded import FoldedFactors
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.statistics import lower_factor, lower_inverse
@@ -63,7 +63,7 @@ class BlockPosterior:
         solved = [self._solved(block, values) for block, values in zip(blocks, measured, strict=True)]
         counts = [len(part) for part in solved]
         if self.known is not None:
-            away = Products.apply(self.known, torch.cat(solved), blocks, counts)
+            away = BlockProducts.apply(self.known, torch.cat(solved), blocks, counts)
             return [solver.mean + part for part in away.split(counts)]
         seen = torch.tensor(blocks).repeat_interleave(torch.tensor(counts))
         away = solver.smoothing(solver.model.spread(self.weights[seen], torch.cat(solved)))
@@ -204,7 +204,7 @@ class GaussianSolver:
 
     @cached_property
     def smoothing(self) -> Smoothing:
-        """Products with the covariance of a stationary prior."""
+        """BlockProducts with the covariance of a stationary prior."""
         return Smoothing(self.prior.displaced.to(self.dtype))
 
     @cached_property
