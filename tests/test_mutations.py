@@ -38,8 +38,8 @@ MUTATIONS = {
     ),
     "offset of the adjoint": (
         "operators/kernels.py",
-        "offset : offset + columns]\n        if channel in seen:",
-        ":columns]\n        if channel in seen:",
+        "_windows(snapshot, code.shape[2], layout), scene.unbind(1), code.unbind(0)\n    seen",
+        "_windows(snapshot.roll(1, -1), code.shape[2], layout), scene.unbind(1), code.unbind(0)\n    seen",
         ("operators/test_conformance.py", "inner_products and disperser"),
     ),
     "binarisation of codes": (

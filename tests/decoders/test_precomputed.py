@@ -15,6 +15,7 @@ from tmca.cameras.frames import frame_taps
 from tmca.decoders import LMMSE, bank, decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
+from tmca.errors import SettingError
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.folded import FoldedFactors
@@ -97,6 +98,22 @@ def test_every_camera_decodes_a_stream_of_frames_that_have_nothing_in_common(nam
         torch.testing.assert_close(estimate.values, alone.values, rtol=0, atol=1e-4)
         torch.testing.assert_close(estimate.deviation, alone.deviation, rtol=0, atol=1e-4)
         estimate.deviation.mul_(100)
+
+
+@pytest.mark.parametrize("what", ["written over", "replaced", "sensor"])
+def test_a_camera_that_changed_since_is_refused(what):
+    shown = TAKEN["two buckets"].replace()
+    prepared = make_decoder("lmmse", shown.kind).prepare(shown, prior_of(3))
+    frame = shown(smooth_scene(*shown.size, seed=2).float()[None], generator=0)
+    prepared(frame)
+    if what == "written over":
+        [part for part in (*shown.buffers(), *shown.parameters()) if part.ndim > 2][-1][..., 0].zero_()
+    elif what == "replaced":
+        shown.load_state_dict(TAKEN["two buckets"].replace(seed=5).state_dict())
+    else:
+        shown.sensor = Sensor(read_noise=0.1)
+    with pytest.raises(SettingError, match=r"changed after prepare.*call prepare again"):
+        prepared(frame)
 
 
 @pytest.mark.parametrize("noise", [Noise(0.02), NOISE])

@@ -247,11 +247,16 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
             return self.build_operator(depth)
         return self.cached("operator", self.build_operator)
 
+    @property
+    def tensor_versions(self) -> tuple[Any, ...]:
+        """What differs as soon as a tensor of the camera is replaced or written over, or the exposure changes."""
+        return self.exposure, *((part.data_ptr(), part._version) for part in (*self.buffers(), *self.parameters()))
+
     def cached(self, name: str, build: Callable[[], T]) -> T:
         """What depends on the camera alone, built once until a tensor of it changes; anew while it is learned."""
         if self.learnable:
             return build()
-        state = (self.exposure, *((t.data_ptr(), t._version) for t in self.buffers()))
+        state = self.tensor_versions
         if name not in self._cache or self._cache[name][0] != state:
             self._cache[name] = (state, build())
         value: T = self._cache[name][1]

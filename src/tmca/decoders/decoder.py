@@ -158,7 +158,10 @@ class Decoder(WithSettings, ABC):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
-        return Prepared(decoder, camera, state, time.perf_counter() - start, _in_a_line(chosen, prior))
+        seconds = time.perf_counter() - start
+        return Prepared(
+            decoder, camera, state, seconds, _in_a_line(chosen, prior), (camera.noise, camera.tensor_versions)
+        )
 
     def _failures(self) -> AbstractContextManager[None]:
         """Within it, what a decoder of a file of one's own raises is one line that says where."""
@@ -183,6 +186,7 @@ class Prepared:
     state: Any
     seconds: float = 0.0
     prior: str = ""
+    prepared_for: tuple[Any, ...] = ()
 
     def __call__(self, snapshot: Snapshot[Any] | Tensor, progress: Progress | None = None) -> Estimate:
         """Decode a snapshot of the camera, or values (B, *snapshot_shape).
@@ -190,11 +194,13 @@ class Prepared:
         Raises:
             ShapeError: values of another shape.
             DataError: values that are not finite.
-            SettingError: a snapshot of another camera than the decoder was prepared for, or a device without room.
+            SettingError: a snapshot of another camera than the decoder was prepared for, a camera that was changed in
+                place since, or a device without room.
         """
         values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
         if not isinstance(snapshot, Tensor):
             self._check_camera(snapshot.camera)
+        self._check_unchanged()
         check_shape("snapshot", values, ("B", *self.camera.snapshot_shape))
         if not bool(torch.isfinite(values).all()):
             remedy = "mask or replace the bad pixels first"
@@ -218,6 +224,12 @@ class Prepared:
         W'); errors as of a call."""
         for frame in frames:
             yield self(frame[None] if isinstance(frame, Tensor) and frame.ndim == 3 else frame)
+
+    def _check_unchanged(self) -> None:
+        """Raises SettingError if the codes or the noise of the camera are not those that it was prepared for."""
+        if (self.camera.noise, self.camera.tensor_versions) != self.prepared_for:
+            found = f"a {self.camera.kind} camera whose codes or sensor changed after prepare"
+            raise SettingError("camera", found, "the one prepared for", "call prepare again")
 
     def _check_camera(self, camera: Any) -> None:
         """Raises SettingError unless a camera has the codes and the optics of the one that is prepared for."""

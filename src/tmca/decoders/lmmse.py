@@ -248,7 +248,7 @@ class Blend:
         """Lay groups whose blocks are solved, ``count`` in all, on the canvases."""
         grid, done = self.layout.grid, 0
         for part, posterior in parts:
-            for blocks in few(part):
+            for blocks in [[*range(len(part))]] if torch.is_grad_enabled() else few(part):
                 measured = [grid.snapshot_windows(self.snapshot, part[block]) for block in blocks]
                 flat = [one.flatten(0, 1) for one in measured]
                 every = posterior.moments(blocks, flat, self.canvases[1] is not None)
@@ -261,7 +261,8 @@ class Blend:
     def _add(self, places: Places, estimate: Tensor | None, variance: Tensor | None) -> None:
         """What is known of equal blocks at some places, (P, B, L·h·w), and of their valid columns."""
         assert estimate is not None
-        grid, parts = self.layout.grid, (estimate, variance, estimate.square())
+        grid, square = self.layout.grid, estimate.square() if self.canvases[2] is not None else None
+        parts = (estimate, variance, square)
         for canvas, values, shift in zip(self.canvases, parts, (0, grid.model.valid[0], 0), strict=True):
             if canvas is not None and values is not None:
                 for (y, x), one in zip(places, values, strict=True):

@@ -81,7 +81,7 @@ class BlockThreshold:
 
     def _thresholded(self, blocks: Tensor, threshold: float) -> tuple[Tensor, Tensor]:
         """Blocks (n, K, h, w) times their weights, and the weights (n, 1)."""
-        time, down, right = (cosines(length, blocks) for length in (self.depth, *self.sides))
+        time, down, right = (_cosines(length, blocks) for length in (self.depth, *self.sides))
         spectrum = torch.einsum("at,nthw->nahw", time, down @ blocks @ right.mT)
         keep = spectrum.abs() >= threshold
         keep[:, 0, 0, 0] = True
@@ -90,7 +90,7 @@ class BlockThreshold:
         return down.mT @ torch.einsum("at,nahw->nthw", time, spectrum) @ right, weights
 
 
-def cosines(size: int, like: Tensor) -> Tensor:
+def _cosines(size: int, like: Tensor) -> Tensor:
     """Orthonormal DCT-II matrix (size, size), one frequency per row."""
     index = torch.arange(size, dtype=torch.float64)
     matrix = torch.cos(math.pi / size * torch.outer(index, index + 0.5)) * math.sqrt(2 / size)

@@ -113,6 +113,16 @@ class BlockModel:
             total = torch.addcmul(total, light, weights[:, t])
         return total.flatten(-3)
 
+    def correlate(self, measured: Tensor, blocks: Tensor) -> Tensor:
+        """(P, T, R·h, columns) derivative in the weights of ``measure``, whose derivative is ``measured`` (N, P, m), of
+        blocks (N, P, n)."""
+        bands, seen = blocks.unflatten(-1, self.block), measured.unflatten(-1, (self.buckets, -1, self.columns))
+        parts = [
+            (bands[:, :, channel, None, :, self.span - o : self.span - o + self.columns] * seen).sum(0)
+            for channel, o in zip(self.channels, self.offsets, strict=True)
+        ]
+        return torch.stack(parts, 1).flatten(2, 3)
+
     def spread(self, weights: Tensor, measured: Tensor) -> Tensor:
         """(N, n) Aᵀ of measurements (N, m) of blocks whose taps have weights (N, T, R·h, columns)."""
         sides = (self.buckets, self.block[1], self.columns)

@@ -61,13 +61,24 @@ class _Face(torch.autograd.Function):
         return None, None, to_one, to_other, None
 
 
-def _taps(layout: Layout) -> Iterator[tuple[int, int, int, int]]:
-    """(index, bucket, channel, offset) of every tap, those of all buckets together: they read the same channel."""
-    channels, offsets, _, _, buckets = layout
+def _taps(layout: Layout) -> Iterator[tuple[int, int]]:
+    """(index, channel) of every tap, those of all buckets together: they read the same channel."""
+    channels, *_, buckets = layout
     share = len(channels) // buckets
     for t in range(share):
         for bucket in range(buckets):
-            yield bucket * share + t, bucket, channels[t], offsets[t]
+            yield bucket * share + t, channels[t]
+
+
+def _windows(snapshot: Tensor, columns: int, layout: Layout) -> list[Tensor]:
+    """(B, H, columns) what every tap reads of a snapshot, or fills, views. As many slices would take as long as the
+    products of a small scene."""
+    _, offsets, _, _, buckets = layout
+    share, step = len(offsets) // buckets, _even_step(layout)
+    if not step:
+        planes = snapshot.unbind(1)
+        return [planes[t // share].narrow(-1, offset, columns) for t, offset in enumerate(offsets)]
+    return [one for plane in snapshot.unbind(1) for one in plane.unfold(-1, columns, step).unbind(2)[:share]]
 
 
 def _even_step(layout: Layout) -> int | None:
@@ -106,9 +117,10 @@ def _snapshot_of_taps(scene: Tensor, code: Tensor, layout: Layout) -> Tensor:
     if _in_one_go(scene, layout):
         return sheared_snapshot(scene, code, layout)
     *_, width, buckets = layout
-    snapshot, columns = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width), code.shape[2]
-    for t, bucket, channel, offset in _taps(layout):
-        snapshot[:, bucket, :, offset : offset + columns].addcmul_(scene[:, channel], code[t])
+    snapshot = scene.new_zeros(scene.shape[0], buckets, scene.shape[2], width)
+    windows, bands, codes = _windows(snapshot, code.shape[2], layout), scene.unbind(1), code.unbind(0)
+    for t, channel in _taps(layout):
+        windows[t].addcmul_(bands[channel], codes[t])
     return snapshot
 
 
@@ -126,18 +138,17 @@ def sheared_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
 def _scene_of_taps(code: Tensor, snapshot: Tensor, layout: Layout) -> Tensor:
     if _in_one_go(snapshot, layout):
         return sheared_scene(code, snapshot, layout)
-    scene_channels, columns = layout[2], code.shape[2]
-    scene = snapshot.new_empty(snapshot.shape[0], scene_channels, *code.shape[1:])
+    scene = snapshot.new_empty(snapshot.shape[0], layout[2], *code.shape[1:])
+    windows, bands, codes = _windows(snapshot, code.shape[2], layout), scene.unbind(1), code.unbind(0)
     seen: set[int] = set()
-    for t, bucket, channel, offset in _taps(layout):
-        light = snapshot[:, bucket, :, offset : offset + columns]
+    for t, channel in _taps(layout):
         if channel in seen:
-            scene[:, channel].addcmul_(light, code[t])
+            bands[channel].addcmul_(windows[t], codes[t])
         else:
-            torch.mul(light, code[t], out=scene[:, channel])
+            torch.mul(windows[t], codes[t], out=bands[channel])
             seen.add(channel)
-    for channel in set(range(scene_channels)) - seen:
-        scene[:, channel] = 0
+    for channel in set(range(layout[2])) - seen:
+        bands[channel].zero_()
     return scene
 
 
@@ -146,11 +157,11 @@ def _code_of_taps(snapshot: Tensor, scene: Tensor, layout: Layout) -> Tensor:
         return sheared_taps(snapshot, scene, layout)
     batch, _, rows, columns = scene.shape
     code = scene.new_empty(len(layout[0]), rows, columns)
-    for t, bucket, channel, offset in _taps(layout):
-        light = snapshot[:, bucket, :, offset : offset + columns]
-        torch.mul(scene[0, channel], light[0], out=code[t])
+    windows, bands, codes = _windows(snapshot, columns, layout), scene.unbind(1), code.unbind(0)
+    for t, channel in _taps(layout):
+        torch.mul(bands[channel][0], windows[t][0], out=codes[t])
         for b in range(1, batch):
-            code[t].addcmul_(scene[b, channel], light[b])
+            codes[t].addcmul_(bands[channel][b], windows[t][b])
     return code
 
 

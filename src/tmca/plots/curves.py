@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tmca.data.pixels import decoded
 from tmca.plots.style import COLOURS, SMALL, TITLE, add_bar, bare, blank_figure, grid, panels, plain_axes
 
 if TYPE_CHECKING:
@@ -176,8 +177,7 @@ def coloured_table(
 def _luminance(colours: np.ndarray) -> np.ndarray:
     """(…) relative luminance of sRGB (…, 4), clear ones on white."""
     curved = 1 - colours[..., 3:] * (1 - colours[..., :3])
-    linear = np.where(curved <= 0.04045, curved / 12.92, ((curved + 0.055) / 1.055) ** 2.4)
-    return np.asarray(linear @ (0.2126, 0.7152, 0.0722))
+    return np.asarray(decoded(curved) @ (0.2126, 0.7152, 0.0722))
 
 
 def fisher_figure(information: Mapping[str, tuple[np.ndarray, np.ndarray]], metres: np.ndarray) -> Figure:

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
+from tmca.priors.derivatives import BlockProducts, Signal
 from tmca.priors.folded import FoldedFactors
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.statistics import lower_factor, lower_inverse
@@ -60,9 +61,10 @@ class BlockPosterior:
     def _estimates(self, blocks: Sequence[int], measured: Sequence[Tensor]) -> list[Tensor]:
         solver = self.solver
         solved = [self._solved(block, values) for block, values in zip(blocks, measured, strict=True)]
-        if self.known is not None:
-            return [solver.mean + part @ self._cross[block] for block, part in zip(blocks, solved, strict=True)]
         counts = [len(part) for part in solved]
+        if self.known is not None:
+            away = BlockProducts.apply(self.known, torch.cat(solved), blocks, counts)
+            return [solver.mean + part for part in away.split(counts)]
         seen = torch.tensor(blocks).repeat_interleave(torch.tensor(counts))
         away = solver.smoothing(solver.model.spread(self.weights[seen], torch.cat(solved)))
         return [solver.mean + part for part in away.split(counts)]
@@ -249,9 +251,10 @@ class GaussianSolver:
             cross, signal = None, self.covariance(weights)
         else:
             cross = self.cross(weights)
-            signal = self.model.measure(weights, cross).transpose(0, 1)
-        noise = torch.diag_embed(noise_variance(expected, self.noise))
-        return BlockPosterior(self, weights, lower_factor(signal.double() + noise), expected, cross)
+            signal = Signal.apply(weights, cross, self.model)
+        measured = signal.to(torch.float64, copy=True)
+        measured.diagonal(dim1=1, dim2=2).add_(noise_variance(expected, self.noise))
+        return BlockPosterior(self, weights, lower_factor(measured), expected, cross)
 
     def by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
         """Whether blocks under a code are solved without covariances with pixels; arguments as in `posterior`."""

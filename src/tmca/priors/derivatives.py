@@ -1,0 +1,59 @@
+"""Derivatives of the posterior of blocks in their codes, in fewer passes over memory than those that are recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.autograd.function import once_differentiable
+
+from tmca.operators.blocks import BlockModel
+
+
+class Signal(torch.autograd.Function):
+    """(P, m, m) covariance A S Aᵀ of measurements, of weights (P, T, R·h, columns) and the cross (m, P, n), A S.
+
+    S is symmetric: what the cross owes to the weights has the same derivative as what they are applied to, so it is
+    counted here, and no gradient reaches the cross.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, weights: Tensor, cross: Tensor, model: BlockModel) -> Tensor:
+        ctx.model = model
+        ctx.save_for_backward(cross)
+        return model.measure(weights, cross).transpose(0, 1)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None, None]:
+        """Σ over m′ of (g + gᵀ)[m′, m] · (A S)[m′, pixel of tap t and m]."""
+        (cross,) = ctx.saved_tensors
+        return ctx.model.correlate((gradient + gradient.mT).transpose(0, 1).contiguous(), cross), None, None
+
+
+class BlockProducts(torch.autograd.Function):
+    """(Σ N, n) vectors (Σ N, m), as many of each block as ``counts`` says, times the block's matrix of (m, P, n)."""
+
+    @staticmethod
+    def forward(ctx: Any, matrices: Tensor, vectors: Tensor, blocks: Sequence[int], counts: Sequence[int]) -> Tensor:
+        ctx.blocks, ctx.counts = blocks, counts
+        ctx.save_for_backward(matrices, vectors)
+        made = vectors.new_empty(len(vectors), matrices.shape[-1])
+        for block, some, part in zip(blocks, vectors.split(counts), made.split(counts), strict=True):
+            torch.mm(some, matrices[:, block], out=part)
+        return made
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        matrices, vectors = ctx.saved_tensors
+        every = len(ctx.blocks) == matrices.shape[1]
+        of_matrices = torch.empty_like(matrices) if every else torch.zeros_like(matrices)
+        of_vectors = torch.empty_like(vectors)
+        parts = (part.split(ctx.counts) for part in (vectors, gradient, of_vectors))
+        for block, some, slope, made in zip(ctx.blocks, *parts, strict=True):
+            torch.mm(slope, matrices[:, block].mT, out=made)
+            torch.mm(some.mT, slope, out=of_matrices[:, block])
+        return of_matrices, of_vectors, None, None
