@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -15,7 +16,10 @@ from tmca.cameras.frames import frame_taps
 from tmca.decoders import LMMSE, bank, decode, lmmse, make_decoder
 from tmca.decoders.bank import Bank
 from tmca.decoders.lmmse import Blend, PatchEstimator
+from tmca.decoders.nets.build import build_network
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import SettingError
+from tmca.operators import TapOperator
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.priors.folded import FoldedFactors
@@ -114,6 +118,30 @@ def test_a_camera_that_changed_since_is_refused(what):
         shown.sensor = Sensor(read_noise=0.1)
     with pytest.raises(SettingError, match=r"changed after prepare.*call prepare again"):
         prepared(frame)
+
+
+def test_a_copy_of_a_prepared_decoder_decodes():
+    shown = TAKEN["two buckets"].replace()
+    prepared = make_decoder("lmmse", shown.kind).prepare(shown, prior_of(3))
+    frame = shown(smooth_scene(*shown.size, seed=2).float()[None], generator=0)
+    other = deepcopy(prepared)
+    assert torch.equal(other(frame).values, prepared(frame).values)
+    shown.load_state_dict(shown.state_dict())
+    prepared(frame)
+    [part for part in other.camera.buffers() if part.ndim > 2][-1][..., 0].zero_()
+    with pytest.raises(SettingError, match="changed after prepare"):
+        other(frame)
+
+
+def test_networks_start_from_what_was_prepared():
+    shown = TAKEN["two buckets"]
+    network = build_network("unrolled", bands=3, stages=1, buckets=2)
+    run = CollapsedNetwork(network, TapOperator(shown.taps()), shown.noise, prior_of(3))
+    frame = shown(smooth_scene(*shown.size, seed=2).float()[None], generator=0)
+    alone = run(frame).values
+    run.precompute()
+    assert run.start.estimator.bank is not None
+    torch.testing.assert_close(run(frame).values, alone, rtol=0, atol=1e-4)
 
 
 @pytest.mark.parametrize("noise", [Noise(0.02), NOISE])

@@ -1,4 +1,4 @@
-"""Derivatives of posteriors in the codes, against those that PyTorch records of the same products."""
+"""Gradients of posteriors in the codes, against those that PyTorch records of the same products."""
 
 import pytest
 import torch
@@ -49,3 +49,24 @@ def test_products_have_their_derivatives(blocks, counts):
     parts = vectors.split(counts)
     expected = torch.cat([part @ matrices[:, block] for block, part in zip(blocks, parts, strict=True)])
     torch.testing.assert_close(BlockProducts.apply(matrices, vectors, blocks, counts), expected)
+
+
+@pytest.mark.parametrize("made", ["signal", "products"])
+def test_second_derivatives_are_refused(made):
+    model, weights, covariance = given(TAPS["two buckets"]())
+    cross = model.cross_covariance(weights.detach(), covariance[model.pixels()])
+    if made == "signal":
+        wanted, value = weights, Signal.apply(weights, cross, model).square().sum()
+    else:
+        wanted = cross.requires_grad_()
+        value = BlockProducts.apply(wanted, drawn(2, len(cross)), [0, 1], [1, 1]).square().sum()
+    torch.autograd.grad(value, wanted, retain_graph=True)
+    with pytest.raises(NotImplementedError, match="second derivatives"):
+        torch.autograd.grad(value, wanted, create_graph=True)
+
+
+def test_gradients_of_fixed_matrices_are_not_computed():
+    matrices, vectors = drawn(4, 2, 5), drawn(3, 4).requires_grad_()
+    BlockProducts.apply(matrices, vectors, [1, 0], [1, 2]).sum().backward()
+    expected = [matrices[:, block].sum(1) for block in (1, 0, 0)]
+    torch.testing.assert_close(vectors.grad, torch.stack(expected))

@@ -249,8 +249,10 @@ class Camera(Summary, FromArguments, nn.Module, ABC):
 
     @property
     def tensor_versions(self) -> tuple[Any, ...]:
-        """What differs as soon as a tensor of the camera is replaced or written over, or the exposure changes."""
-        return self.exposure, *((part.data_ptr(), part._version) for part in (*self.buffers(), *self.parameters()))
+        """What differs as soon as a tensor of the camera is replaced or written over, or the exposure changes; tensors
+        of `torch.inference_mode`, of which nobody counts the versions, only where they are replaced."""
+        parts = (*self.buffers(), *self.parameters())
+        return self.exposure, *((part.data_ptr(), 0 if part.is_inference() else part._version) for part in parts)
 
     def cached(self, name: str, build: Callable[[], T]) -> T:
         """What depends on the camera alone, built once until a tensor of it changes; anew while it is learned."""

@@ -158,10 +158,8 @@ class Decoder(WithSettings, ABC):
             state = decoder.setup(camera, chosen)
             if many:
                 state = decoder.precompute(state, bank)
-        seconds = time.perf_counter() - start
-        return Prepared(
-            decoder, camera, state, seconds, _in_a_line(chosen, prior), (camera.noise, camera.tensor_versions)
-        )
+        seconds, unchanged = time.perf_counter() - start, _Unchanged.since(camera) if many else None
+        return Prepared(decoder, camera, state, seconds, _in_a_line(chosen, prior), unchanged)
 
     def _failures(self) -> AbstractContextManager[None]:
         """Within it, what a decoder of a file of one's own raises is one line that says where."""
@@ -177,6 +175,32 @@ class Decoder(WithSettings, ABC):
         return estimate
 
 
+@dataclass
+class _Unchanged:
+    """Whether a camera is still what it was: ``unchanged(camera)``; codes, response, noise and exposure."""
+
+    noise: Any
+    versions: tuple[Any, ...]
+    tensors: list[Tensor]
+
+    @classmethod
+    def since(cls, camera: Any) -> _Unchanged:
+        parts = (*camera.buffers(), *camera.parameters())
+        return cls(camera.noise, camera.tensor_versions, [part.detach().clone() for part in parts])
+
+    def __call__(self, camera: Any) -> bool:
+        versions = camera.tensor_versions
+        if (camera.noise, versions[0]) != (self.noise, self.versions[0]):
+            return False
+        if versions != self.versions:  # a copy of the camera has other tensors of the same values
+            parts = (*camera.buffers(), *camera.parameters())
+            pairs = zip(self.tensors, parts, strict=True)
+            if not all(one.shape == other.shape and torch.equal(one, other.to(one)) for one, other in pairs):
+                return False
+            self.versions = versions
+        return True
+
+
 @dataclass(frozen=True)
 class Prepared:
     """A decoder with what it computed for a camera: ``prepared(snapshot) -> Estimate``, frame after frame."""
@@ -186,7 +210,7 @@ class Prepared:
     state: Any
     seconds: float = 0.0
     prior: str = ""
-    prepared_for: tuple[Any, ...] = ()
+    unchanged: Callable[[Any], bool] | None = None
 
     def __call__(self, snapshot: Snapshot[Any] | Tensor, progress: Progress | None = None) -> Estimate:
         """Decode a snapshot of the camera, or values (B, *snapshot_shape).
@@ -194,8 +218,8 @@ class Prepared:
         Raises:
             ShapeError: values of another shape.
             DataError: values that are not finite.
-            SettingError: a snapshot of another camera than the decoder was prepared for, a camera that was changed in
-                place since, or a device without room.
+            SettingError: a snapshot of another camera than the decoder was prepared for, a camera whose codes,
+                response, noise or exposure were changed since, or a device without room.
         """
         values, notes = (snapshot, {}) if isinstance(snapshot, Tensor) else (snapshot.values, snapshot.notes)
         if not isinstance(snapshot, Tensor):
@@ -226,8 +250,8 @@ class Prepared:
             yield self(frame[None] if isinstance(frame, Tensor) and frame.ndim == 3 else frame)
 
     def _check_unchanged(self) -> None:
-        """Raises SettingError if the codes or the noise of the camera are not those that it was prepared for."""
-        if (self.camera.noise, self.camera.tensor_versions) != self.prepared_for:
+        """Raises SettingError if the camera is not what it was when this was prepared."""
+        if self.unchanged is not None and not self.unchanged(self.camera):
             found = f"a {self.camera.kind} camera whose codes or sensor changed after prepare"
             raise SettingError("camera", found, "the one prepared for", "call prepare again")
 

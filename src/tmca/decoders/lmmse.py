@@ -248,6 +248,7 @@ class Blend:
         """Lay groups whose blocks are solved, ``count`` in all, on the canvases."""
         grid, done = self.layout.grid, 0
         for part, posterior in parts:
+            # gradients are stored of all blocks in any case, and fewer products are recorded of all at once
             for blocks in [[*range(len(part))]] if torch.is_grad_enabled() else few(part):
                 measured = [grid.snapshot_windows(self.snapshot, part[block]) for block in blocks]
                 flat = [one.flatten(0, 1) for one in measured]

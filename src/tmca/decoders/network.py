@@ -67,8 +67,7 @@ class NetworkDecoder(Decoder):
 
     def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
         super().precompute(prepared, bank)
-        if isinstance(prepared[0], TwoHeadedNetwork) and prepared[0].likelihood is not None:
-            prepared[0].likelihood.precompute()
+        prepared[0].precompute()
         return prepared
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:

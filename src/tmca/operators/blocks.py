@@ -114,8 +114,8 @@ class BlockModel:
         return total.flatten(-3)
 
     def correlate(self, measured: Tensor, blocks: Tensor) -> Tensor:
-        """(P, T, R·h, columns) derivative in the weights of ``measure``, whose derivative is ``measured`` (N, P, m), of
-        blocks (N, P, n)."""
+        """(P, T, R·h, columns) gradient in the weights of ``measure`` of blocks (N, P, n), given the gradient
+        ``measured`` (N, P, m) in what it makes."""
         bands, seen = blocks.unflatten(-1, self.block), measured.unflatten(-1, (self.buckets, -1, self.columns))
         parts = [
             (bands[:, :, channel, None, :, self.span - o : self.span - o + self.columns] * seen).sum(0)

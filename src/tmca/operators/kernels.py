@@ -71,8 +71,8 @@ def _taps(layout: Layout) -> Iterator[tuple[int, int]]:
 
 
 def _windows(snapshot: Tensor, columns: int, layout: Layout) -> list[Tensor]:
-    """(B, H, columns) what every tap reads of a snapshot, or fills, views. As many slices would take as long as the
-    products of a small scene."""
+    """(B, H, columns) what every tap reads of a snapshot, or fills, views. Slicing once for each tap would take as
+    long as the products of a small scene."""
     _, offsets, _, _, buckets = layout
     share, step = len(offsets) // buckets, _even_step(layout)
     if not step:

@@ -78,6 +78,16 @@ def over_tiles(
     return whole
 
 
+@dataclass(frozen=True)
+class PatchStart:
+    """First estimates (B, L, H, W) by the patch LMMSE or mixture."""
+
+    estimator: PatchEstimator
+
+    def __call__(self, snapshot: Tensor, progress: Progress | None) -> Tensor:
+        return self.estimator(snapshot, progress=progress).estimate.to(snapshot.dtype)
+
+
 def prepared_start(
     kind: str,
     operator: TapOperator,
@@ -112,8 +122,7 @@ def prepared_start(
         found = "none" if prior is None else described(prior)
         raise SettingError("prior", found, f"one for a network that starts from {kind}")
     quiet = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
-    estimator = PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable)
-    return lambda snapshot, progress: estimator(snapshot, progress=progress).estimate.to(snapshot.dtype)
+    return PatchStart(PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable))
 
 
 def first_estimate(
@@ -160,6 +169,11 @@ class CollapsedNetwork:
         self.size, side = (height, width), max(height, width) if tile is None else min(tile, network.tile)
         across = side if keeps_columns(operator) else width
         self.tiles = tiles(network, self.size, (side, across))
+
+    def precompute(self) -> None:
+        """Compute what first estimates of many snapshots have in common."""
+        if isinstance(self.start, PatchStart):
+            self.start.estimator.precompute(deviation=False)
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> Raw:
@@ -217,6 +231,11 @@ class TwoHeadedNetwork:
         self.network, self.camera, self.tile = network.eval(), camera, tile
         wanted = prior if network.start == "likelihood" else None
         self.likelihood = None if wanted is None else first_likelihood(network, wanted, camera)
+
+    def precompute(self) -> None:
+        """Compute what first estimates of many snapshots have in common."""
+        if self.likelihood is not None:
+            self.likelihood.precompute()
 
     @torch.no_grad()
     def __call__(self, snapshot: Tensor, progress: Progress | None = None) -> DepthRaw:
