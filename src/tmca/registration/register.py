@@ -45,7 +45,7 @@ class Registered:
         snapshot: with a camera whose mask and dispersion are in place; as it was given where nothing stood out.
         placement: of the mask on the scene.
         std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, from
-            the curvature of the evidence: the least that they can be.
+            the curvature of the evidence: the least that they can be; NaN where it has none.
         dispersion: displacement of the bands over that which was drawn, about the middle.
         gain: of the log evidence of a block over that of the mask as drawn.
         converged: whether a place stood out.
@@ -76,8 +76,8 @@ def register(
     """Where the mask of a snapshot lies: the place under which the snapshot is most probable.
 
     The density of blocks of the snapshot under a Gaussian prior of scenes (its evidence) is climbed over shift (up to
-    2.4 pixels), rotation, scale, stretch, shear (up to 2 pixels at the frame's edge), light, blur and, of a spectral camera,
-    dispersion (up to 1.5 %), from coarse to fine; no truth and no calibration is needed.
+    2.4 pixels), rotation, scale, stretch and shear (up to 2 pixels at the frame's edge), light, blur and, of a spectral
+    camera, dispersion (up to 1.5 %), from coarse to fine; no truth and no calibration is needed.
 
     Args:
         snapshot: of a spectral or light-field camera with masks of pixels.

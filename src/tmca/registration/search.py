@@ -49,6 +49,8 @@ _STAGES = (
     Stage(0.0, 1.0, 6, _ALL, 8, 0.15),
 )
 LAST = _STAGES[-1]
+_STANDS_OUT = 2.0
+"""Of log evidence, a block, by which the best shift has to lead over the median of all."""
 _CENTRE = Stage(0.05, 0.25, 3, (), 0, 0.0)
 
 
@@ -59,7 +61,7 @@ class Climbed(NamedTuple):
         vector: (8,) as `NAMES` say.
         std: (8,) standard deviations, from the curvature of the evidence alone.
         gain: of log evidence over the mask as it was drawn, a block.
-        converged: within the limits of the search, and more probable than before.
+        converged: a shift stood out, and the end is within the limits of the search.
     """
 
     vector: np.ndarray
@@ -72,7 +74,7 @@ def search(evidence: Evidence, progress: Progress | None = None) -> Climbed:
     """The place of the mask under which a snapshot is most probable."""
     report = progress or (lambda share: None)
     half = max(evidence.size) / 2
-    vector = best_shift(evidence, evidence.among(_CENTRE.share * half, _CENTRE.cells), report)
+    vector, lead = best_shift(evidence, evidence.among(_CENTRE.share * half, _CENTRE.cells), report)
     for done, stage in enumerate(_STAGES, start=1):
         blocks = evidence.among(stage.share * half, stage.cells)
         vector = climb(evidence, vector, blocks, stage)
@@ -83,20 +85,20 @@ def search(evidence: Evidence, progress: Progress | None = None) -> Climbed:
     drawn[6] = vector[6]
     gain = (evidence.value(vector, blocks) - evidence.value(drawn, blocks)) / len(blocks)
     inside = bool((np.abs(vector) < 0.98 * _MOST).all())
-    return Climbed(vector, std, gain, inside and gain >= 0 and bool(np.isfinite(std).all()))
+    return Climbed(vector, std, gain, inside and lead > _STANDS_OUT)
 
 
-def best_shift(evidence: Evidence, blocks: Places, report: Progress) -> np.ndarray:
-    """The most probable of shifts in steps."""
+def best_shift(evidence: Evidence, blocks: Places, report: Progress) -> tuple[np.ndarray, float]:
+    """The most probable of shifts in steps, and by how much of log evidence, a block, it leads over their median."""
     steps = np.arange(-REACH, REACH + _STEP / 2, _STEP)
-    best = (-np.inf, np.zeros(len(NAMES)))
-    for done, down in enumerate(steps, start=1):
-        for right in steps:
-            vector = np.append([down, right], np.zeros(len(NAMES) - 2))
-            value = evidence.value(vector, blocks, _CENTRE.noise)
-            best = (value, vector) if value > best[0] else best
-        report(0.3 * done / len(steps))
-    return best[1]
+    shifts = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
+    vectors = np.pad(shifts, ((0, 0), (0, len(NAMES) - 2)))
+    values = np.empty(len(vectors))
+    for at, vector in enumerate(vectors):
+        values[at] = evidence.value(vector, blocks, _CENTRE.noise)
+        report(0.3 * (at + 1) / len(vectors))
+    best = int(values.argmax())
+    return vectors[best], float(values[best] - np.median(values)) / len(blocks)
 
 
 def climb(evidence: Evidence, vector: np.ndarray, blocks: Places, stage: Stage) -> np.ndarray:
