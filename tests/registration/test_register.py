@@ -14,10 +14,10 @@ from tmca.codes import Codes
 from tmca.errors import SettingError
 from tmca.optics import Dispersion
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.registration import NotRegistered, Placement, register
-from tmca.registration.evidence import Evidence
+from tmca.registration import MaskPlacement, NotRegistered, register
+from tmca.registration.evidence import MaskEvidence
+from tmca.registration.face import on_columns
 from tmca.registration.placement import SmoothPlanes, seen_from
-from tmca.registration.register import on_columns
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
 PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
@@ -47,7 +47,7 @@ def test_a_mask_is_moved_as_splines_are_elsewhere(size):
     mask = np.random.default_rng(0).random(size)
     vector = torch.tensor([0.7, -1.2, 0.5, -0.4, 0.2, 0.3, 0.0, 0.0], dtype=torch.float64)
     found = SmoothPlanes(torch.from_numpy(mask)[None])(*seen_from(vector, size))[0].numpy()
-    placed = Placement.of(vector.numpy(), size)
+    placed = MaskPlacement.of(vector.numpy(), size)
     inverse, middle = np.linalg.inv(placed.matrix), (np.array(size) - 1) / 2
     offset = middle - inverse @ (middle + np.array(placed.shift))
     expected = affine_transform(mask, inverse, offset, order=3, mode="nearest").clip(0, 1)
@@ -57,7 +57,7 @@ def test_a_mask_is_moved_as_splines_are_elsewhere(size):
 def test_a_placement_says_how_the_mask_was_turned_and_stretched():
     size, middle = (100, 80), np.array([49.5, 39.5])
     vector = np.array([1, 2, 50 * math.radians(0.3), 0.5, 0, 0, 0, 0])
-    placed = Placement.of(vector, size)
+    placed = MaskPlacement.of(vector, size)
     assert placed.rotation == pytest.approx(0.3, rel=0.02)
     np.testing.assert_allclose(placed.strain, np.eye(2) * 1.01, atol=2e-4)
     rows, columns = seen_from(torch.from_numpy(vector), size)
@@ -78,7 +78,7 @@ def test_splines_have_their_derivatives():
 def test_the_evidence_is_that_of_dense_gaussians(changes):
     shown = camera(**changes)
     _, snapshot = elsewhere(shown, 0 * MOVED)
-    evidence = Evidence(shown, snapshot.values, PRIOR)
+    evidence = MaskEvidence(shown, snapshot.values, PRIOR)
     blocks = evidence.among(100, 2)
     code = shown.taps().code.double().numpy()
     model, (h, w) = evidence.solver.model, PRIOR.block[1:]
@@ -104,7 +104,7 @@ def test_the_evidence_is_that_of_dense_gaussians(changes):
 def test_the_evidence_has_its_slope():
     shown = camera()
     _, snapshot = elsewhere(shown, MOVED)
-    evidence = Evidence(shown, snapshot.values, PRIOR)
+    evidence = MaskEvidence(shown, snapshot.values, PRIOR)
     blocks = evidence.among(100, 2)
     _, slope = evidence.slope(MOVED, blocks, 0.05)
     for at in range(len(MOVED)):
@@ -121,7 +121,7 @@ def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
     shown = camera(**changes)
     _, snapshot = elsewhere(shown, MOVED, factor)
     found = register(snapshot, PRIOR)
-    true = Placement.of(MOVED, SIZE)
+    true = MaskPlacement.of(MOVED, SIZE)
     assert found.converged
     assert found.placement.shift == pytest.approx(true.shift, abs=0.08)
     assert found.placement.rotation == pytest.approx(true.rotation, abs=0.1)

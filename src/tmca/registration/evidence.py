@@ -18,7 +18,7 @@ from tmca.registration.placement import SmoothPlanes, seen_from
 from tmca.sensor import Noise
 
 
-class Evidence:
+class MaskEvidence:
     """Log probability density of blocks of a snapshot, for places of the mask.
 
     Args:

@@ -17,7 +17,7 @@ _ROOM, _BLUR = 12, (0.25, 0.5, 0.25)
 
 
 @dataclass(frozen=True)
-class Placement:
+class MaskPlacement:
     """How the mask of a camera lies on the scene: ``frame = middle + matrix · (mask − middle) + shift``, rows first.
 
     Args:
@@ -33,7 +33,7 @@ class Placement:
     blur: float = 0.0
 
     @classmethod
-    def of(cls, vector: np.ndarray, size: tuple[int, int]) -> Placement:
+    def of(cls, vector: np.ndarray, size: tuple[int, int]) -> MaskPlacement:
         """That of a vector of ``NAMES`` for a frame (H, W)."""
         linear = np.linalg.inv(_inverse(torch.as_tensor(vector, dtype=torch.float64), size).numpy())
         rows = [(float(one), float(other)) for one, other in linear]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tmca.operators.block_layout import Places
-from tmca.registration.evidence import Evidence
+from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import NAMES
 
 REACH, _STEP = 2.4, 0.4
@@ -70,7 +70,7 @@ class Climbed(NamedTuple):
     converged: bool
 
 
-def search(evidence: Evidence, progress: Progress | None = None) -> Climbed:
+def search(evidence: MaskEvidence, progress: Progress | None = None) -> Climbed:
     """The place of the mask under which a snapshot is most probable."""
     report = progress or (lambda share: None)
     half = max(evidence.size) / 2
@@ -88,7 +88,7 @@ def search(evidence: Evidence, progress: Progress | None = None) -> Climbed:
     return Climbed(vector, std, gain, inside and lead > _STANDS_OUT)
 
 
-def best_shift(evidence: Evidence, blocks: Places, report: Progress) -> tuple[np.ndarray, float]:
+def best_shift(evidence: MaskEvidence, blocks: Places, report: Progress) -> tuple[np.ndarray, float]:
     """The most probable of shifts in steps, and by how much of log evidence, a block, it leads over their median."""
     steps = np.arange(-REACH, REACH + _STEP / 2, _STEP)
     shifts = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
@@ -101,7 +101,7 @@ def best_shift(evidence: Evidence, blocks: Places, report: Progress) -> tuple[np
     return vectors[best], float(values[best] - np.median(values)) / len(blocks)
 
 
-def climb(evidence: Evidence, vector: np.ndarray, blocks: Places, stage: Stage) -> np.ndarray:
+def climb(evidence: MaskEvidence, vector: np.ndarray, blocks: Places, stage: Stage) -> np.ndarray:
     """A maximum near a vector, in the coordinates of a stage."""
     from scipy.optimize import minimize
 
@@ -124,7 +124,7 @@ def climb(evidence: Evidence, vector: np.ndarray, blocks: Places, stage: Stage) 
     return found
 
 
-def deviations(evidence: Evidence, vector: np.ndarray, blocks: Places) -> np.ndarray:
+def deviations(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> np.ndarray:
     """(8,) standard deviations from the second derivatives at a maximum, by differences: 0 of what is at its limit, NaN
     where there is no maximum."""
     free = (vector > _LEAST) & (vector < _MOST)

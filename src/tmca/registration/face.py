@@ -21,8 +21,8 @@ from tmca.errors import SettingError
 from tmca.operators.block_layout import Places
 from tmca.optics import Dispersion
 from tmca.priors import Prior, find_prior
-from tmca.registration.evidence import Evidence
-from tmca.registration.placement import Placement
+from tmca.registration.evidence import MaskEvidence
+from tmca.registration.placement import MaskPlacement
 from tmca.registration.search import LAST, Climbed, climb, search
 
 MOST_DISPERSION = 0.015
@@ -53,7 +53,7 @@ class Registered:
     """
 
     snapshot: Snapshot[Any]
-    placement: Placement
+    placement: MaskPlacement
     std: dict[str, float]
     dispersion: float
     gain: float
@@ -100,7 +100,7 @@ def register(
     if not isinstance(camera, CodedCamera):
         raise SettingError("snapshot", f"one of {described(camera)}", "one of a camera behind masks of pixels")
     found = find_prior(camera, prior, "gaussian")
-    evidence = Evidence(camera, snapshot.values, found)
+    evidence = MaskEvidence(camera, snapshot.values, found)
     climbed = search(evidence, progress)
     factor = 1.0
     if climbed.converged and getattr(camera, "disperser", None) == "single":
@@ -109,7 +109,7 @@ def register(
     seconds = time.perf_counter() - began
     std = _std(climbed, evidence.size)
     registered = Registered(
-        moved, Placement.of(climbed.vector, evidence.size), std, factor, climbed.gain, climbed.converged, seconds
+        moved, MaskPlacement.of(climbed.vector, evidence.size), std, factor, climbed.gain, climbed.converged, seconds
     )
     if not climbed.converged:
         warn(f"{registered}", NotRegistered, stacklevel=2)
@@ -117,8 +117,8 @@ def register(
 
 
 def with_dispersion(
-    snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: Evidence
-) -> tuple[float, Climbed, Evidence]:
+    snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
+) -> tuple[float, Climbed, MaskEvidence]:
     """The most probable dispersion for a mask that is nearly in place, and the mask behind it."""
     blocks = evidence.among(max(evidence.size), _CELLS)
     sides = [_stretched(snapshot, prior, climbed.vector, blocks, side) for side in (-1, 1)]
@@ -150,7 +150,7 @@ def _stretched(
     return cost(least) - float(best.fun), side * float(best.x)
 
 
-def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> Evidence:
+def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> MaskEvidence:
     """The evidence where bands lie so many times as far from their middle."""
     drawn = snapshot.camera.dispersion
     middle = (min(drawn.displacement) + max(drawn.displacement)) / 2
@@ -158,7 +158,7 @@ def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> Evidence:
     first, width = drawn.origin - bands.origin, snapshot.camera.size[1] + bands.extent
     aperture, shutter = snapshot.camera.codes()
     camera = snapshot.camera.replace(dispersion=bands, codes=Codes(aperture, on_columns(shutter, first, width)))
-    return Evidence(camera, on_columns(snapshot.values, first, width), prior)
+    return MaskEvidence(camera, on_columns(snapshot.values, first, width), prior)
 
 
 def on_columns(values: Tensor, first: int, width: int) -> Tensor:
@@ -169,7 +169,7 @@ def on_columns(values: Tensor, first: int, width: int) -> Tensor:
     return laid
 
 
-def _moved(snapshot: Snapshot[Any], evidence: Evidence, climbed: Climbed) -> Snapshot[Any]:
+def _moved(snapshot: Snapshot[Any], evidence: MaskEvidence, climbed: Climbed) -> Snapshot[Any]:
     """The snapshot on the columns of a camera with its mask in place."""
     import torch
 
