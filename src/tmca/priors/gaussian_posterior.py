@@ -204,7 +204,7 @@ class GaussianSolver:
 
     @cached_property
     def smoothing(self) -> Smoothing:
-        """BlockProducts with the covariance of a stationary prior."""
+        """Products with the covariance of a stationary prior."""
         return Smoothing(self.prior.displaced.to(self.dtype))
 
     @cached_property
