@@ -13,10 +13,10 @@ from tests.small_scenes import smooth_scene
 from tmca.codes import Codes
 from tmca.errors import SettingError
 from tmca.optics import Dispersion
+from tmca.optics.spectral import on_columns
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.registration import MaskPlacement, NotRegistered, register
 from tmca.registration.evidence import MaskEvidence
-from tmca.registration.face import on_columns
 from tmca.registration.placement import SmoothPlanes, seen_from
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)

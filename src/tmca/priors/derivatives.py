@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from tmca.operators.blocks import BlockModel
+from tmca.operators.blocks import BlockModel, MeasurementCovariance
 
 
 class Signal(torch.autograd.Function):
@@ -31,6 +31,22 @@ class Signal(torch.autograd.Function):
         """Σ over m′ of (g + gᵀ)[m′, m] · (A S)[m′, pixel of tap t and m]."""
         (cross,) = ctx.saved_tensors
         return ctx.model.correlate((gradient + gradient.mT).transpose(0, 1).contiguous(), cross), None, None
+
+
+class DisplacedSignal(torch.autograd.Function):
+    """The same covariance of weights alone, under a stationary prior: no cross is made on the way."""
+
+    @staticmethod
+    def forward(ctx: Any, weights: Tensor, covariance: MeasurementCovariance) -> Tensor:
+        ctx.covariance = covariance
+        ctx.save_for_backward(weights)
+        return covariance(weights)
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        (weights,) = ctx.saved_tensors
+        return ctx.covariance.slope(weights, gradient), None
 
 
 class BlockProducts(torch.autograd.Function):

@@ -17,6 +17,10 @@ from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.registration.placement import SmoothPlanes, seen_from
 from tmca.sensor import Noise
 
+_ROWS, _COMPLETE = 12, 48
+"""Most rows of a block, and columns that see all their light from inside: many small blocks tell where a mask lies
+better than few large ones, whose time grows with the square of their measurements."""
+
 
 class MaskEvidence:
     """Log probability density of blocks of a snapshot, for places of the mask.
@@ -31,7 +35,9 @@ class MaskEvidence:
         self.camera, self.values, taps = camera, values, camera.taps()
         self.aperture, self.shutter = (plane.detach() for plane in camera.codes())
         self.planes, self.size = SmoothPlanes(self.aperture), tuple(self.aperture.shape[-2:])
-        self.solver = GaussianSolver(prior, BlockModel.of(taps, prior.block), camera.noise, torch.float32)
+        _, rows, columns = prior.block
+        small = prior.cut(min(rows, _ROWS), min(columns, max(taps.offsets) - min(taps.offsets) + _COMPLETE))
+        self.solver = GaussianSolver(small, BlockModel.of(taps, small.block), camera.noise, torch.float32)
         self.grid = BlockGrid.cover(self.solver.model, taps.code.shape[1:], usual_stride(self.solver.model, taps.code))
         self.seen = self.grid.pad_snapshot(values.float())
 
@@ -59,7 +65,7 @@ class MaskEvidence:
         """Of some blocks together; ``noise`` is the least that they are taken to have, which broadens the maximum."""
         self.solver.noise = Noise(max(noise, self.camera.noise.read), self.camera.noise.shot)
         code = self.moved(vector).taps().code * vector[6].exp()
-        posterior = self.solver.posterior(self.grid.code_windows(self.grid.pad_code(code), blocks), 1)
+        posterior = self.solver.posterior(self.grid.code_windows(self.grid.pad_code(code), blocks), 0)
         seen = self.grid.snapshot_windows(self.seen, blocks)
         return torch.stack([posterior.log_evidence(at, one) for at, one in enumerate(seen)]).sum()
 

@@ -11,7 +11,6 @@ from typing import Any
 from warnings import warn
 
 import numpy as np
-from torch import Tensor
 
 from tmca.arguments import described
 from tmca.cameras import Snapshot
@@ -20,6 +19,7 @@ from tmca.codes import Codes
 from tmca.errors import SettingError
 from tmca.operators.block_layout import Places
 from tmca.optics import Dispersion
+from tmca.optics.spectral import on_columns
 from tmca.priors import Prior, find_prior
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import MaskPlacement
@@ -93,18 +93,18 @@ def register(
     >>> import tmca
     >>> camera = tmca.SpectralCamera(12, (64, 96), slots=1, shutter="open", sensor=tmca.Sensor(read_noise=0.01))
     >>> snapshot = tmca.simulate(tmca.read("coffee", size=(64, 96)), camera)
-    >>> found = register(snapshot)  # doctest: +SKIP
-    >>> estimate = tmca.reconstruct(found.snapshot)  # doctest: +SKIP
+    >>> registered = register(snapshot)  # doctest: +SKIP
+    >>> estimate = tmca.reconstruct(registered.snapshot)  # doctest: +SKIP
     """
     began, camera = time.perf_counter(), snapshot.camera
     if not isinstance(camera, CodedCamera):
         raise SettingError("snapshot", f"one of {described(camera)}", "one of a camera behind masks of pixels")
-    found = find_prior(camera, prior, "gaussian")
-    evidence = MaskEvidence(camera, snapshot.values, found)
+    of_scenes = find_prior(camera, prior, "gaussian")
+    evidence = MaskEvidence(camera, snapshot.values, of_scenes)
     climbed = search(evidence, progress)
     factor = 1.0
     if climbed.converged and getattr(camera, "disperser", None) == "single":
-        factor, climbed, evidence = with_dispersion(snapshot, found, climbed, evidence)
+        factor, climbed, evidence = with_dispersion(snapshot, of_scenes, climbed, evidence)
     moved = _moved(snapshot, evidence, climbed) if climbed.converged else snapshot
     seconds = time.perf_counter() - began
     std = _std(climbed, evidence.size)
@@ -120,14 +120,15 @@ def with_dispersion(
     snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
 ) -> tuple[float, Climbed, MaskEvidence]:
     """The most probable dispersion for a mask that is nearly in place, and the mask behind it."""
-    blocks = evidence.among(max(evidence.size), _CELLS)
+    half = max(evidence.size) / 2
+    blocks = evidence.among(half, _CELLS)
     sides = [_stretched(snapshot, prior, climbed.vector, blocks, side) for side in (-1, 1)]
     error = max(sides)[1]
     reach = np.ptp(snapshot.camera.dispersion.displacement) / 2
     if abs(error) * reach < _LEAST_DISPLACEMENT:
         return 1.0, climbed, evidence
     other = scaled(snapshot, prior, 1 + error)
-    vector = climb(other, climbed.vector, evidence.among(max(evidence.size), LAST.cells), LAST._replace(steps=4))
+    vector = climb(other, climbed.vector, evidence.among(LAST.share * half, LAST.cells), LAST._replace(steps=4))
     return 1 + error, climbed._replace(vector=vector), other
 
 
@@ -159,14 +160,6 @@ def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> MaskEvidence:
     aperture, shutter = snapshot.camera.codes()
     camera = snapshot.camera.replace(dispersion=bands, codes=Codes(aperture, on_columns(shutter, first, width)))
     return MaskEvidence(camera, on_columns(snapshot.values, first, width), prior)
-
-
-def on_columns(values: Tensor, first: int, width: int) -> Tensor:
-    """(…, W) values on a sensor that begins so many columns earlier, 0 where they have none."""
-    laid = values.new_zeros(*values.shape[:-1], width)
-    start, stop = max(0, first), min(width, first + values.shape[-1])
-    laid[..., start:stop] = values[..., start - first : stop - first]
-    return laid
 
 
 def _moved(snapshot: Snapshot[Any], evidence: MaskEvidence, climbed: Climbed) -> Snapshot[Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import torch
@@ -52,6 +53,15 @@ class MaskPlacement:
         angle = math.radians(self.rotation)
         turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
         return np.asarray(turn.T @ np.array(self.matrix))
+
+    def described(self) -> dict[str, Any]:
+        """The same as plain numbers: shift (pixels), rotation (degrees), scales along y and x, shear, light, blur (the
+        standard deviation, pixels)."""
+        (along_y, shear), (_, along_x) = self.strain.tolist()
+        return {
+            "shift": self.shift, "rotation": self.rotation, "scale": (along_y, along_x), "shear": shear,
+            "light": self.light, "blur": math.sqrt(self.blur),
+        }  # fmt: skip
 
     def __str__(self) -> str:
         (down, right), strain = self.shift, self.strain
