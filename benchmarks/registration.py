@@ -167,14 +167,14 @@ def main() -> None:
     scenes = [str(path) for path in read_split(options.scenes)]
     counts = zip(options.bands, options.draws * (len(options.bands) // len(options.draws)), strict=True)
     work = [(bands, scenes[seed % len(scenes)], options.mask, seed) for bands, count in counts for seed in range(count)]
+    work.sort(key=lambda piece: piece[-1])
     found: dict[int, Draw] = {}
     for place, one in in_processes(draw, work, options.jobs):
         found[place] = one
         print(f"{len(found)} of {len(work)}: {asdict(one)}", flush=True)
-    draws = [found[place] for place in range(len(work))]
-    print("\n".join(summary(draws)))
-    if options.out is not None:
-        options.out.write_text(page(draws, sys.argv[1:]))
+        if options.out is not None:
+            options.out.write_text(page([found[place] for place in sorted(found)], sys.argv[1:]))
+    print("\n".join(summary(list(found.values()))))
 
 
 if __name__ == "__main__":

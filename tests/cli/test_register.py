@@ -5,7 +5,19 @@ import pytest
 from tests.cli.calls import answer, run
 from tests.cli.refusals import refused
 
-BENCH = ["--crop", "96x120", "--slots", "1", "--shutter", "open", "--read-noise", "0.01", "--no-figures"]
+BENCH = [
+    "--bands",
+    "4",
+    "--crop",
+    "96x120",
+    "--slots",
+    "1",
+    "--shutter",
+    "open",
+    "--read-noise",
+    "0.01",
+    "--no-figures",
+]
 
 
 @pytest.fixture

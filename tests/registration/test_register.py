@@ -154,6 +154,13 @@ def test_where_nothing_stands_out_the_mask_stays():
     assert not found.converged
 
 
+def test_the_mask_of_another_camera_stays():
+    _, snapshot = elsewhere(camera(), MOVED)
+    other = tmca.Snapshot(snapshot.values, camera(seed=4))
+    with pytest.warns(NotRegistered, match="no place of the mask stands out"):
+        assert register(other, PRIOR).snapshot is other
+
+
 def test_other_cameras_and_priors_are_refused():
     depth = tmca.SpectralDepthCamera.from_preset("thesis", size=(16, 16))
     taken = tmca.Snapshot(torch.zeros(1, *depth.snapshot_shape), depth)

@@ -17,7 +17,7 @@ from tmca.priors.gaussian_posterior import GaussianSolver
 from tmca.registration.placement import SmoothPlanes, seen_from
 from tmca.sensor import Noise
 
-_ROWS, _COMPLETE = 12, 48
+_ROWS, _COMPLETE = 8, 48
 """Most rows of a block, and columns that see all their light from inside: many small blocks tell where a mask lies
 better than few large ones, whose time grows with the square of their measurements."""
 
@@ -62,20 +62,25 @@ class MaskEvidence:
         return [place for _, place in best.values()]
 
     def __call__(self, vector: Tensor, blocks: Places, noise: float = 0.0) -> Tensor:
-        """Of some blocks together; ``noise`` is the least that they are taken to have, which broadens the maximum."""
+        """(P,) of some blocks; ``noise`` is the least that they are taken to have, which broadens the maximum."""
         self.solver.noise = Noise(max(noise, self.camera.noise.read), self.camera.noise.shot)
         code = self.moved(vector).taps().code * vector[6].exp()
         posterior = self.solver.posterior(self.grid.code_windows(self.grid.pad_code(code), blocks), 0)
         seen = self.grid.snapshot_windows(self.seen, blocks)
-        return torch.stack([posterior.log_evidence(at, one) for at, one in enumerate(seen)]).sum()
+        return torch.stack([posterior.log_evidence(at, one) for at, one in enumerate(seen)]).flatten()
 
     @torch.no_grad()
+    def each(self, vector: np.ndarray, blocks: Places, noise: float = 0.0) -> np.ndarray:
+        """(P,) of some blocks."""
+        return self(torch.as_tensor(vector, dtype=torch.float32), blocks, noise).numpy()
+
     def value(self, vector: np.ndarray, blocks: Places, noise: float = 0.0) -> float:
-        return float(self(torch.as_tensor(vector, dtype=torch.float32), blocks, noise))
+        """Of some blocks together."""
+        return float(self.each(vector, blocks, noise).sum())
 
     def slope(self, vector: np.ndarray, blocks: Places, noise: float = 0.0) -> tuple[float, np.ndarray]:
-        """The evidence and its derivatives."""
+        """The same and its derivatives."""
         place = torch.tensor(vector, dtype=torch.float32, requires_grad=True)
-        value = self(place, blocks, noise)
+        value = self(place, blocks, noise).sum()
         (slope,) = torch.autograd.grad(value, place)
         return float(value.detach()), slope.double().numpy()

@@ -29,6 +29,8 @@ MOST_DISPERSION = 0.015
 """Relative error of the dispersion that is looked for."""
 _CELLS = 3
 """Parts of the frame along each side, each with a block, that dispersions are tried on."""
+_ROUNDS, _NEARBY = 2, 0.002
+"""Turns of mask and dispersion after the first, and how far a dispersion may move in one."""
 _LEAST_DISPLACEMENT = 0.02
 """Pixels: a dispersion whose outermost bands move less is left as it is, one tap a band instead of two."""
 
@@ -120,20 +122,22 @@ def with_dispersion(
     snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
 ) -> tuple[float, Climbed, MaskEvidence]:
     """The most probable dispersion for a mask that is nearly in place, and the mask behind it."""
-    half = max(evidence.size) / 2
-    blocks = evidence.among(half, _CELLS)
-    sides = [_stretched(snapshot, prior, climbed.vector, blocks, side) for side in (-1, 1)]
+    half, vector = max(evidence.size) / 2, climbed.vector
+    few, many = evidence.among(half, _CELLS), evidence.among(LAST.share * half, LAST.cells)
+    sides = [_stretched(snapshot, prior, vector, few, side, (0, MOST_DISPERSION)) for side in (-1, 1)]
     error = max(sides)[1]
-    reach = np.ptp(snapshot.camera.dispersion.displacement) / 2
-    if abs(error) * reach < _LEAST_DISPLACEMENT:
-        return 1.0, climbed, evidence
-    other = scaled(snapshot, prior, 1 + error)
-    vector = climb(other, climbed.vector, evidence.among(LAST.share * half, LAST.cells), LAST._replace(steps=4))
-    return 1 + error, climbed._replace(vector=vector), other
+    for _ in range(_ROUNDS):
+        if abs(error) * np.ptp(snapshot.camera.dispersion.displacement) / 2 < _LEAST_DISPLACEMENT:
+            return 1.0, climbed, evidence
+        other = scaled(snapshot, prior, 1 + error)
+        vector = climb(other, vector, many, LAST._replace(steps=4))
+        around = (abs(error) - _NEARBY, abs(error) + _NEARBY)
+        error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
+    return 1 + error, climbed._replace(vector=vector), scaled(snapshot, prior, 1 + error)
 
 
 def _stretched(
-    snapshot: Snapshot[Any], prior: Any, vector: np.ndarray, blocks: Places, side: int
+    snapshot: Snapshot[Any], prior: Any, vector: np.ndarray, blocks: Places, side: int, within: tuple[float, float]
 ) -> tuple[float, float]:
     """Gain and relative error of the most probable dispersion that is smaller (-1) or larger (1) than was drawn.
 
@@ -146,8 +150,8 @@ def _stretched(
         return -other.value(vector, blocks) / other.solver.model.measurements
 
     least = 1e-4
-    options = {"xatol": 3e-4, "maxiter": 6}
-    best = minimize_scalar(cost, bounds=(least, MOST_DISPERSION), method="bounded", options=options)
+    options, bounds = {"xatol": 1e-4, "maxiter": 6}, (max(least, within[0]), within[1])
+    best = minimize_scalar(cost, bounds=bounds, method="bounded", options=options)
     return cost(least) - float(best.fun), side * float(best.x)
 
 
