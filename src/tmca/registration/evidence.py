@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,8 @@ from tmca.sensor import Noise
 _ROWS, _COMPLETE = 8, 48
 """Most rows of a block, and columns that see all their light from inside: many small blocks tell where a mask lies
 better than few large ones, whose time grows with the square of their measurements."""
+_LIT = 0.1
+"""Of the light of the brightest block, that blocks have at least."""
 
 
 class MaskEvidence:
@@ -46,20 +47,26 @@ class MaskEvidence:
         return self.camera.replace(codes=Codes(self.planes(*seen_from(vector, self.size), vector[7]), self.shutter))
 
     def among(self, radius: float, cells: int) -> Places:
-        """The brightest block of each of cells × cells parts of the frame's middle; ``radius`` in pixels."""
-        sides = self.solver.model.block[1:]
-        inside = [
-            place for place in self.grid.positions
-            if all(0 <= at <= frame - side for at, frame, side in zip(place, self.grid.frame, sides, strict=True))
-        ]  # fmt: skip
-        light = self.grid.snapshot_windows(self.seen, inside).flatten(1).mean(1).tolist()
-        best: dict[tuple[int, ...], tuple[float, tuple[int, int]]] = {}
-        for place, one in zip(inside, light, strict=True):
-            away = [at + (side - frame) / 2 for at, side, frame in zip(place, sides, self.grid.frame, strict=True)]
-            if max(map(abs, away)) <= radius:
-                cell = tuple(int((part + radius) * cells / (2 * radius + 1)) for part in away)
-                best[cell] = max(best.get(cell, (-math.inf, place)), (one, place))
-        return [place for _, place in best.values()]
+        """The brightest block of each of cells × cells parts of the frame's middle; ``radius`` in pixels.
+
+        Dark parts, which say nothing, are left out, and the others divided until there are as many again.
+        """
+        sides, frame = self.solver.model.block[1:], self.grid.frame
+        places, middles = [], []
+        for place in self.grid.positions:
+            away = [at + (side - whole) / 2 for at, side, whole in zip(place, sides, frame, strict=True)]
+            inside = all(0 <= at <= whole - side for at, whole, side in zip(place, frame, sides, strict=True))
+            if inside and max(map(abs, away)) <= radius:
+                places.append(place)
+                middles.append(away)
+        if not places:
+            return []
+        light = self.grid.snapshot_windows(self.seen, places).flatten(1).mean(1).numpy()
+        lit, where = light >= _LIT * light.max(), (np.array(middles) + radius) / (2 * radius + 1)
+        wanted = len(np.unique((where * cells).astype(int), axis=0))
+        chosen = [_brightest(light, where, lit, finer) for finer in range(cells, 3 * cells)]
+        best = next((some for some in chosen if len(some) >= wanted), chosen[-1])
+        return [places[at] for at in best]
 
     def __call__(self, vector: Tensor, blocks: Places, noise: float = 0.0) -> Tensor:
         """(P,) of some blocks; ``noise`` is the least that they are taken to have, which broadens the maximum."""
@@ -84,3 +91,13 @@ class MaskEvidence:
         value = self(place, blocks, noise).sum()
         (slope,) = torch.autograd.grad(value, place)
         return float(value.detach()), slope.double().numpy()
+
+
+def _brightest(light: np.ndarray, where: np.ndarray, lit: np.ndarray, cells: int) -> list[int]:
+    """Which of some blocks are the brightest in their cells; ``where`` their middles lie, (N, 2) in [0, 1)."""
+    best: dict[tuple[int, ...], int] = {}
+    for at in np.flatnonzero(lit):
+        cell = tuple((where[at] * cells).astype(int).tolist())
+        if cell not in best or light[at] > light[best[cell]]:
+            best[cell] = int(at)
+    return list(best.values())

@@ -88,13 +88,10 @@ def _by_evidence(captures: list[Path], prototype: Any, mask: Path, prior: Path |
     for file in captures:
         with progress_bar(f"register: {file.name}") as progress:
             registered = register(import_capture(file, as_filed, mask), prior, progress=progress)
-        std = registered.std
-        say(
-            {**registered.placement.described(), "dispersion": registered.dispersion, "std": std,
-             "converged": registered.converged}, as_json,
-            f"{file}: {registered}",
-            f"  ± {std['down']:.3f} and {std['right']:.3f} px, {std['rotation']:.4f}°, {std['scale']:.5f} of scale",
-        )  # fmt: skip
+        std, found = registered.std, {"dispersion": registered.dispersion, "converged": registered.converged}
+        exact = f"  ± {std['down']:.3f} and {std['right']:.3f} px, {std['rotation']:.4f}°, {std['scale']:.5f} of scale"
+        lines = [f"{file}: {registered}", *([exact] if registered.converged else [])]
+        say({**registered.placement.described(), **found, "std": std}, as_json, *lines)
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:
