@@ -24,7 +24,7 @@ from tmca.metrics import psnr
 from tmca.priors import GaussianPrior, learn_prior
 from tmca.priors.finding import usual_block
 
-Block, Stride = tuple[int, int], tuple[int, int] | None
+Stride = tuple[int, int] | None
 TRIED: tuple[tuple[int, int, Stride], ...] = (
     (2, 14, None), (3, 40, None), (4, 28, None), (4, 40, None), (4, 40, (2, 40)), (6, 40, (4, 40)),
 )  # fmt: skip
@@ -39,13 +39,6 @@ def scenes(split: Path, waves: Sequence[float], size: tuple[int, int] | None = N
         name = Path(path).stem
         found[name] = cube.assign_attrs(name=name) if size is None else middle_of(cube, size, name)
     return found
-
-
-def cut(prior: GaussianPrior, block: Block) -> GaussianPrior:
-    """The prior of smaller blocks."""
-    rows, columns = block
-    mean, moments = prior.mean[:, :rows, :columns], prior.moments[..., :rows, :columns]
-    return GaussianPrior(mean, moments, prior.wavelengths, prior.sources)
 
 
 def measured(
@@ -82,7 +75,7 @@ def main() -> None:
     assert isinstance(prior, GaussianPrior)
     print(f"usual block {usual_block('gaussian', len(waves), span)}, dispersion {span} columns", flush=True)
     for rows, more, stride in TRIED:
-        print(measured(camera, cut(prior, (rows, 2 * span + more)), stride, cubes), flush=True)
+        print(measured(camera, prior.cut(rows, 2 * span + more), stride, cubes), flush=True)
 
 
 if __name__ == "__main__":

@@ -36,6 +36,7 @@ FLOORS = {
     "priors": 5,
     "design": 6,
     "decoders": 6,
+    "registration": 6,
     "training": 7,
     "lab": 7,
     "applications": 7,

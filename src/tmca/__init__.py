@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from tmca.data import read_scene as read
     from tmca.decoders import Decoder, Estimate
     from tmca.decoders import decode as reconstruct
+    from tmca.registration import register
     from tmca.reports import design_codes
     from tmca.sensor import Sensor
     from tmca.training.face import train
@@ -43,6 +44,7 @@ _FACE = {
     "design_codes": "reports:design_codes",
     "point_cloud": "applications.point_clouds:point_cloud",
     "refocus": "applications.refocusing:refocus",
+    "register": "registration:register",
     "train": "training.face:train",
     "view": "viewer:view",
     "SpectralCamera": "cameras:SpectralCamera",
@@ -71,6 +73,7 @@ _ROOMS = (
     "optics",
     "plots",
     "priors",
+    "registration",
     "reports",
     "sensor",
     "specs",
@@ -95,6 +98,7 @@ __all__ = [
     "read",
     "reconstruct",
     "refocus",
+    "register",
     "simulate",
     "train",
     "view",

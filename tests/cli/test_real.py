@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 import xarray as xr
 import yaml
 
@@ -12,6 +13,7 @@ from tests.cli.refusals import refused
 from tests.lab.real_captures.bench import DESCRIBED, SHUTTERED, captured, mask_of, smooth_scene, write_mat
 from tmca.cameras import Snapshot
 from tmca.lab.registering import MaskImage, registered
+from tmca.priors import GaussianPrior
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +78,32 @@ def test_the_mask_is_put_in_register(capsys, folder, bench):
     found = said(capsys, "real", "register", folder / "wine.mat", *wine, "--name", "one", "--shift", "0,0", "--json")
     assert json.loads(found)["shutter_shift"] == [0, 0]
     assert "--mask" in refused(capsys, "real", "register", folder / "capture.mat", *how[2:])
+
+
+def test_the_mask_is_put_in_register_by_evidence(capsys, folder, tmp_path):
+    (tmp_path / "flat.yaml").write_text(yaml.safe_dump({**DESCRIBED, "response": "flat"}))
+    prior = GaussianPrior.learn([torch.from_numpy(smooth_scene(4, 120, 130, seed=seed)) for seed in (2, 3)], (6, 20))
+    prior.save("prior.nc")
+    how = (
+        "real",
+        "register",
+        folder / "capture.mat",
+        "--prototype",
+        "flat.yaml",
+        "--mask",
+        folder / "mask.mat",
+        "--by",
+        "evidence",
+    )
+    found = answer(capsys, *how, "--prior", "prior.nc")
+    assert found["converged"]
+    assert found["scale"] == pytest.approx((1.01, 1), abs=1e-3)
+    assert found["shift"] == pytest.approx((0.3, 0), abs=0.05)
+    assert found["dispersion"] == pytest.approx(1, abs=5e-3)
+    assert "--prior: found nowhere.nc, expected none without" in refused(capsys, *how[:-2], "--prior", "nowhere.nc")
+    assert "--by: found 'hand', expected one of blocks, evidence" in refused(capsys, *how[:-1], "hand")
+    wine = ("real", "register", folder / "wine.mat", "--prototype", folder / "wine.yaml", "--by", "evidence")
+    assert "--by: found evidence for a pixel shutter" in refused(capsys, *wine)
 
 
 def test_the_report_names_what_it_lacks(capsys, bench, tmp_path):

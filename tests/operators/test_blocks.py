@@ -10,6 +10,7 @@ from tests.small_scenes import CAMERAS, camera, matrix, noisy, smooth_scene, sna
 from tmca.errors import ShapeError
 from tmca.operators.blocks import MeasurementCovariance, Smoothing
 from tmca.priors import BlockGrid, BlockModel, GaussianPrior
+from tmca.priors.derivatives import DisplacedSignal
 from tmca.priors.gaussian_posterior import NOISE_FLOOR, GaussianSolver
 from tmca.sensor import Noise
 
@@ -157,6 +158,15 @@ def test_covariances_of_measurements_are_those_of_the_matrices(name, sides, buck
             whole = dense(model, weights, block)
             expected = whole @ prior.covariance @ whole.T
             torch.testing.assert_close(found[block], expected, rtol=1e-10, atol=1e-14)
+
+
+@pytest.mark.parametrize("buckets", [1, 2])
+def test_covariances_of_measurements_have_their_derivatives(buckets):
+    model = BlockModel.of(camera(next(iter(CAMERAS)), 5, 17), (3, 3, 8)).for_buckets(buckets)
+    for prior in priors(3, 8):
+        covariance = MeasurementCovariance(prior.displaced, model)
+        weights = torch.rand(2, len(model.offsets), buckets * 3, model.columns, dtype=torch.float64, requires_grad=True)
+        assert torch.autograd.gradcheck(lambda some, of=covariance: DisplacedSignal.apply(some, of), weights)
 
 
 @pytest.mark.parametrize("name", CAMERAS)

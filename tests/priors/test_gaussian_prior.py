@@ -41,6 +41,18 @@ def test_covariance_depends_on_distance_and_is_positive(prior):
     assert torch.linalg.eigvalsh(prior.covariance).min() > 0
 
 
+def test_smaller_blocks_are_parts_of_those_of_the_prior(prior):
+    both = GaussianPrior(prior.mean, prior.displaced)
+    dense = GaussianPrior(prior.mean, prior.covariance)
+    kept = torch.zeros(prior.block, dtype=torch.bool)
+    kept[:, :2, :4] = True
+    expected = prior.covariance[kept.flatten()][:, kept.flatten()]
+    for one in (prior, both, dense):
+        smaller = one.cut(2, 4)
+        assert smaller.block == (3, 2, 4)
+        torch.testing.assert_close(smaller.covariance, expected)
+
+
 def test_samples_have_the_moments_of_the_prior(prior):
     blocks = prior.sample(40000, seed=0)
     scale = prior.covariance.diagonal().mean()

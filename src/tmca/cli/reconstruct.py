@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
-from tmca.errors import OutputError, SettingError, TmcaError
+from tmca.errors import OutputError, SettingError, TmcaError, check_choice
 from tmca.progress import progress_bar
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -40,6 +40,7 @@ def reconstruct(
     window: MaybeWhole = None,
     device: str | None = None,
     bank: Path | None = None,
+    register: str | None = None,
     reading: Annotated[TruthReading, READING] = _READING,
     output: OutputOptions = _OUTPUT,
 ) -> None:
@@ -75,12 +76,16 @@ def reconstruct(
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
             none, read by the next command.
+        register: auto finds where the mask lies from the snapshot alone (shift up to 2.4 pixels, rotation, scale,
+            shear, dispersion), and decodes by the camera so placed.
     """
     from tmca.lab.decoder_files import decoders_named
 
     names: list[str | None] = [*decoders_named(decoder, "decoder")] if decoder else [None]
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
-    asked = _Asked(how, set_ or [], truth, prior, calibration, dictionary, device, bank, reading, output)
+    if register is not None:
+        check_choice("--register", register, ("auto",))
+    asked = _Asked(how, set_ or [], truth, prior, calibration, dictionary, device, bank, register, reading, output)
     several = len(names) > 1
     jobs = [_Job.of(file, name, asked, several) for file in (snapshot, *others) for name in names]
     if several:
@@ -104,6 +109,7 @@ class _Asked:
     dictionary: Path | None
     device: str | None
     bank: Path | None
+    register: str | None
     reading: TruthReading
     output: OutputOptions
 
@@ -140,6 +146,7 @@ class _Job:
         settings: of the decoder.
         asked: of all.
         several: whether there are several decoders.
+        placed: where the mask of ``taken`` was found to lie, in words.
     """
 
     file: Path
@@ -149,6 +156,7 @@ class _Job:
     settings: dict[str, Any]
     asked: _Asked
     several: bool
+    placed: str = ""
 
     @classmethod
     def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
@@ -193,6 +201,8 @@ class _Job:
         from tmca.metrics import beside_constant
 
         asked, output = self.asked, self.asked.output
+        if asked.register and not self.placed:
+            return self._in_register().run(target)
         check_targets(self.files(target), output.overwrite, self.file)
         scene, prior = self._scene(), asked.dictionary or asked.prior
         if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
@@ -211,7 +221,19 @@ class _Job:
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
         remarks = [*self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
+        if self.placed:
+            report["registered"] = self.placed
+            remarks.insert(0, self.placed)
         return _Done(shown, scene, report, [*remarks, *beside_constant(metrics)])
+
+    def _in_register(self) -> _Job:
+        """With the mask where the snapshot says that it lies; as it is where none stands out, which is told."""
+        from tmca.registration import register
+
+        given = self.asked.prior if self.cls is not None and self.cls.prior_kind == "gaussian" else None
+        with progress_bar(f"register: {self.file.name}") as progress:
+            found = register(self.taken, given, progress=progress)
+        return replace(self, taken=found.snapshot, placed=str(found))
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""

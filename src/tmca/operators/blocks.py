@@ -210,30 +210,55 @@ class MeasurementCovariance:
 
     def __init__(self, displaced: Tensor, model: BlockModel) -> None:
         self.model = model
-        _, h, w = model.block
-        column, offset, channel = torch.arange(model.columns), torch.tensor(model.offsets), torch.tensor(model.channels)
-        across = (column[None, None, None] - column[:, None, None, None]) + (offset[:, None, None] - offset[:, None])
+        h, offset, channel = model.block[1], torch.tensor(model.offsets), torch.tensor(model.channels)
         rows = displaced[channel[:, None], channel].movedim(2, 0)[h - 1 :]
-        one, other = torch.arange(len(offset))[:, None, None], torch.arange(len(offset))[:, None]
-        self.between = [row[one, other, w - 1 + across].flatten(2) for row in rows]
-        """Of rows d apart: (columns, T, T·columns) of the light of two taps on two columns."""
+        place = model.span + offset[:, None, None] - offset[:, None] + torch.arange(2 * model.columns - 1)
+        self.between = [row.gather(2, place) for row in rows]
+        """Of rows d apart: (T, T, 2·columns-1) of the light of two taps, by the distance of their columns."""
+
+    def _from(self, apart: int, column: int) -> Tensor:
+        """(T, T·columns) of the light on a column with that on all columns of the row so many rows below."""
+        last = self.model.columns - 1 - column
+        return self.between[apart][..., last : last + self.model.columns].flatten(1)
+
+    def _sides(self, weights: Tensor) -> tuple[Tensor, Tensor]:
+        """Weights of the first and of the second measurements: (columns, h, P, R, T) and (R, h, P, T, columns)."""
+        every = weights.unflatten(2, (self.model.buckets, self.model.block[1]))
+        return every.permute(4, 3, 0, 2, 1).contiguous(), every.permute(2, 3, 0, 1, 4).contiguous()
 
     def __call__(self, weights: Tensor) -> Tensor:
         """(P, m, m) of blocks whose taps have the weights (P, T, R·h, columns)."""
         buckets, h, columns = self.model.buckets, self.model.block[1], self.model.columns
-        every = weights.unflatten(2, (buckets, h))
-        first, second = every.permute(4, 3, 0, 2, 1).contiguous(), every.permute(2, 3, 0, 1, 4).contiguous()
+        first, second = self._sides(weights)
         total = weights.new_empty(len(weights), buckets, h, columns, buckets, h, columns)
-        for apart, between in enumerate(self.between):
+        for apart in range(h):
             upper, lower = total.diagonal(apart, 2, 5), total.diagonal(-apart, 2, 5)
             for column in range(columns):
-                light = (first[column, : h - apart] @ between[column]).unflatten(-1, (-1, columns))
+                light = (first[column, : h - apart] @ self._from(apart, column)).unflatten(-1, (-1, columns))
                 for bucket in range(buckets):
                     pairs = (light * second[bucket, apart:, :, None]).sum(-2)
                     upper[:, :, column, bucket] = pairs.permute(1, 2, 3, 0)
                     if apart:
                         lower[:, bucket, :, :, column] = pairs.permute(1, 3, 2, 0)
         return total.reshape(len(weights), self.model.measurements, -1)
+
+    def slope(self, weights: Tensor, gradient: Tensor) -> Tensor:
+        """(P, T, R·h, columns) gradient in the weights, given the ``gradient`` (P, m, m) in the covariance."""
+        sides = (self.model.buckets, self.model.block[1], self.model.columns)
+        first, second = self._sides(weights)
+        of_first, of_second = torch.zeros_like(first), torch.zeros_like(second)
+        owed = (gradient + gradient.mT).unflatten(2, sides).unflatten(1, sides)
+        for apart in range(sides[1]):
+            pairs = owed.diagonal(apart, 2, 5).permute(2, 3, 5, 0, 1, 4).contiguous()
+            above, below = slice(sides[1] - apart), slice(apart, None)
+            for column, shares in enumerate(pairs):
+                between = self._from(apart, column)
+                light = (first[column, above] @ between).unflatten(-1, (-1, sides[2]))
+                for bucket, share in enumerate(shares[..., None, :]):
+                    of_second[bucket, below] += (light * share).sum(2)
+                    if apart:
+                        of_first[column, above] += (second[bucket, below, :, None] * share).flatten(-2) @ between.mT
+        return (of_first.permute(2, 4, 3, 1, 0) + of_second.permute(2, 3, 0, 1, 4)).flatten(2, 3)
 
 
 class Smoothing:

@@ -104,3 +104,11 @@ def gaussian_psf(sigma: float | Sequence[float], bands: int, radius: int | None 
     lines = [torch.exp(-(axis**2) / (2 * s**2)) if s**2 > 0 else (axis == 0).double() for s in sigmas]
     squares = (torch.outer(line, line) for line in lines)
     return torch.stack([square / square.sum() for square in squares]).to(torch.get_default_dtype())
+
+
+def on_columns(values: Tensor, first: int, width: int) -> Tensor:
+    """(…, W) values on a sensor that begins so many columns earlier, 0 where they have none."""
+    laid = values.new_zeros(*values.shape[:-1], width)
+    start, stop = max(0, first), min(width, first + values.shape[-1])
+    laid[..., start:stop] = values[..., start - first : stop - first]
+    return laid

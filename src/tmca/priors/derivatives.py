@@ -8,7 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tmca.operators.blocks import BlockModel
+from tmca.operators.blocks import BlockModel, MeasurementCovariance
 
 
 def _check_first() -> None:
@@ -36,6 +36,23 @@ class Signal(torch.autograd.Function):
         _check_first()
         (cross,) = ctx.saved_tensors
         return ctx.model.correlate((gradient + gradient.mT).transpose(0, 1).contiguous(), cross), None, None
+
+
+class DisplacedSignal(torch.autograd.Function):
+    """The same covariance of weights alone, under a stationary prior: no cross is made on the way."""
+
+    @staticmethod
+    def forward(ctx: Any, weights: Tensor, covariance: MeasurementCovariance) -> Tensor:
+        ctx.covariance = covariance
+        ctx.save_for_backward(weights)
+        return covariance(weights)
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, None]:
+        """That of the weights, of a gradient (P, m, m)."""
+        _check_first()
+        (weights,) = ctx.saved_tensors
+        return ctx.covariance.slope(weights, gradient), None
 
 
 class BlockProducts(torch.autograd.Function):

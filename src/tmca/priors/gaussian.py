@@ -159,6 +159,18 @@ class GaussianPrior(Prior):
         away = (self.mean - mean)[:, 0, 0]
         return replace(self, mean=mean, moments=self.moments + torch.outer(away, away)[:, :, None, None])
 
+    def cut(self, rows: int, columns: int) -> GaussianPrior:
+        """The prior of smaller blocks."""
+        (channels, h, w), moments = self.block, self.moments
+        if not self.stationary:
+            every = moments.reshape(channels, h, w, channels, h, w)
+            moments = every[:, :rows, :columns, :, :rows, :columns].reshape((channels * rows * columns,) * 2)
+        elif self.mirrored:
+            moments = moments[..., :rows, :columns]
+        else:
+            moments = moments[..., h - rows : h + rows - 1, w - columns : w + columns - 1]
+        return replace(self, mean=self.mean[:, :rows, :columns], moments=moments)
+
     def sample(self, count: int, seed: int) -> Tensor:
         check_range("count", count, 1, whole=True)
         white = torch.randn(

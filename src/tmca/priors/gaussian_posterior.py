@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from tmca.operators.blocks import BlockModel, MeasurementCovariance, Smoothing, displacement_pays
-from tmca.priors.derivatives import BlockProducts, Signal
+from tmca.priors.derivatives import BlockProducts, DisplacedSignal, Signal
 from tmca.priors.folded import FoldedFactors
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.statistics import lower_factor, lower_inverse
@@ -241,14 +241,14 @@ class GaussianSolver:
         """The posterior of blocks under code windows (P, taps, h, w); differentiable in the windows.
 
         Args:
-            estimates: of each block that will be asked for, which decides how they are computed; None where
-                covariances with pixels are asked for.
+            estimates: of each block that will be asked for, which decides how they are computed; 0 for the evidence
+                alone, None where covariances with pixels are asked for.
             variance: of valid columns will be asked for.
         """
         weights = self.model.complete(windows.to(self.dtype))
         expected = self.model.measure(weights, self.mean.expand(len(windows), -1))
         if estimates is not None and self.by_displacement(weights, estimates, variance):
-            cross, signal = None, self.covariance(weights)
+            cross, signal = None, DisplacedSignal.apply(weights, self.covariance)
         else:
             cross = self.cross(weights)
             signal = Signal.apply(weights, cross, self.model)
@@ -258,7 +258,8 @@ class GaussianSolver:
 
     def by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
         """Whether blocks under a code are solved without covariances with pixels; arguments as in `posterior`."""
-        possible = self.prior.stationary and code.device.type == "cpu" and not code.requires_grad
+        learned = code.requires_grad and estimates > 0
+        possible = self.prior.stationary and code.device.type == "cpu" and not learned
         return possible and displacement_pays(self.model, estimates, variance)
 
     def at_once(self, code: Tensor, memory: int, estimates: float, variance: bool) -> int:

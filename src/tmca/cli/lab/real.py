@@ -30,9 +30,13 @@ def register(
     mask: Path | None = None,
     name: str | None = None,
     shift: str | None = None,
+    by: str = "blocks",
+    prior: Path | None = None,
     json: Json = False,
 ) -> None:
     """Find where the mask lies in CAPTURES: its scale and shift along y, or the place of a pixel shutter and its start.
+
+    By evidence, each capture by itself tells shift, rotation, scale, shear and blur of the mask, and the dispersion.
 
     Args:
         captures: files of captures of any scenes behind a mask; of one behind a pixel shutter.
@@ -40,18 +44,29 @@ def register(
         mask: file of the mask.
         name: of the capture, where a file holds several.
         shift: ROWS,COLUMNS of a pixel shutter that another capture told, for one whose patterns repeat.
+        by: blocks (displaced copies of the mask explain each block; no prior) or evidence (where a capture is most
+            probable under a prior of scenes).
+        prior: Gaussian prior of scenes for --by evidence; without it that of the rendered scenes.
     """
-    from tmca.errors import SettingError
+    from tmca.errors import SettingError, check_choice
     from tmca.lab.importing import read_plane
     from tmca.lab.prototype import SingleDisperser, load_prototype
     from tmca.lab.registering import register_mask
 
+    check_choice("--by", by, ("blocks", "evidence"))
+    if prior is not None and by != "evidence":
+        raise SettingError("--prior", str(prior), "none without --by evidence", "leave it out")
     described = load_prototype(prototype)
     if not isinstance(described, SingleDisperser):
+        if by == "evidence":
+            raise SettingError("--by", "evidence for a pixel shutter", "blocks", "leave it out")
         _shutter_place(captures, described, name, shift, json)
         return
     if mask is None:
         raise SettingError("--mask", "none", "the file of the mask")
+    if by == "evidence":
+        _by_evidence(captures, described, mask, prior, json)
+        return
     offsets = [round(described.pixels_per_band * band) for band in range(len(described.wavelengths_nm))]
     values = [read_plane(file, described.capture_key) for file in captures]
     image = read_plane(mask, described.mask_key)
@@ -62,6 +77,21 @@ def register(
         f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down",
         f"  blocks deviate by {deviation:.3f} pixels",
     )  # fmt: skip
+
+
+def _by_evidence(captures: list[Path], prototype: Any, mask: Path, prior: Path | None, as_json: bool) -> None:
+    from tmca.lab.importing import import_capture
+    from tmca.lab.registering import MaskImage
+    from tmca.registration import register
+
+    as_filed = prototype.model_copy(update={"registration": MaskImage()})
+    for file in captures:
+        with progress_bar(f"register: {file.name}") as progress:
+            registered = register(import_capture(file, as_filed, mask), prior, progress=progress)
+        std, found = registered.std, {"dispersion": registered.dispersion, "converged": registered.converged}
+        exact = f"  ± {std['down']:.3f} and {std['right']:.3f} px, {std['rotation']:.4f}°, {std['scale']:.5f} of scale"
+        lines = [f"{file}: {registered}", *([exact] if registered.converged else [])]
+        say({**registered.placement.described(), **found, "std": std}, as_json, *lines)
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:

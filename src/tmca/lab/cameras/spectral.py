@@ -18,6 +18,7 @@ from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.cameras.base import BRIGHT, Light, check_light
 from tmca.lab.cameras.coded import MASK_STEPS, CodedLab, grey_codes, leaking_shutter, mixed_aperture
 from tmca.lab.frames import Array
+from tmca.optics.spectral import on_columns
 from tmca.sensor import Sensor
 
 _NEAR = 1e-10
@@ -56,7 +57,7 @@ class SpectralLab(CodedLab):
             relative = measured.response_at(camera.wavelengths)
             response = relative * response.sum() / relative.sum()
         first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent
-        wide = _columns(torch.from_numpy(leaking_shutter(camera, calibration)), first, width)
+        wide = on_columns(torch.from_numpy(leaking_shutter(camera, calibration)), first, width)
         kappa = torch.from_numpy(response).clamp(min=0).to(torch.get_default_dtype())
         return camera.replace(
             codes=grey_codes(planes, wide), dispersion=dispersion, response=kappa, sensor=sensor, beside=(0, 0)
@@ -65,11 +66,11 @@ class SpectralLab(CodedLab):
     def on_camera(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
         """See ``LabCamera``; 0 in columns where the sensor has no pixel."""
         first = nominal.dispersion.origin - measured.dispersion.origin
-        return super().on_camera(_columns(values, first, measured.snapshot_shape[2]), nominal, measured)
+        return super().on_camera(on_columns(values, first, measured.snapshot_shape[2]), nominal, measured)
 
     def on_sensor(self, values: Tensor, nominal: Any, measured: Any) -> Tensor:
         """See ``LabCamera``; 0 in columns that no light reaches."""
-        return _columns(values, measured.dispersion.origin - nominal.dispersion.origin, nominal.snapshot_shape[2])
+        return on_columns(values, measured.dispersion.origin - nominal.dispersion.origin, nominal.snapshot_shape[2])
 
     def drawn_map(self, camera: SpectralCamera, wavelength: float | None) -> Array | None:
         if wavelength is None:
@@ -100,14 +101,6 @@ def middle_first(bands: Sequence[float]) -> Sequence[float]:
     """Bands by their distance from the middle one."""
     middle = sorted(bands)[len(bands) // 2]
     return tuple(sorted(bands, key=lambda one: abs(one - middle)))
-
-
-def _columns(values: Tensor, first: int, width: int) -> Tensor:
-    """(…, W) values on a wider or narrower sensor, 0 where they have no column; the first one falls on ``first``."""
-    laid = values.new_zeros(*values.shape[:-1], width)
-    start, stop = max(0, first), min(width, first + values.shape[-1])
-    laid[..., start:stop] = values[..., start - first : stop - first]
-    return laid
 
 
 def _registered_since(calibration: Calibration) -> float:

@@ -1,0 +1,183 @@
+"""``register``: a snapshot whose camera has its mask, and its bands, where the snapshot says that they lie."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from warnings import warn
+
+import numpy as np
+
+from tmca.arguments import described
+from tmca.cameras import Snapshot
+from tmca.cameras.coded import CodedCamera
+from tmca.codes import Codes
+from tmca.errors import SettingError
+from tmca.operators.block_layout import Places
+from tmca.optics import Dispersion
+from tmca.optics.spectral import on_columns
+from tmca.priors import Prior, find_prior
+from tmca.registration.evidence import MaskEvidence
+from tmca.registration.placement import MaskPlacement
+from tmca.registration.search import LAST, Climbed, climb, search
+
+MOST_DISPERSION = 0.015
+"""Relative error of the dispersion that is looked for."""
+_CELLS = 3
+"""Parts of the frame along each side, each with a block, that dispersions are tried on."""
+_ROUNDS, _NEARBY = 2, 0.002
+"""Turns of mask and dispersion after the first, and how far a dispersion may move in one."""
+_LEAST_DISPLACEMENT = 0.02
+"""Pixels: a dispersion whose outermost bands move less is left as it is, one tap a band instead of two."""
+
+
+class NotRegistered(UserWarning):
+    """A snapshot under which no place of the mask stands out: the mask stays where it was drawn."""
+
+
+@dataclass(frozen=True)
+class Registered:
+    """A snapshot and where its mask lies.
+
+    Args:
+        snapshot: with a camera whose mask and dispersion are in place; as it was given where nothing stood out.
+        placement: of the mask on the scene.
+        std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, from
+            the curvature of the evidence: the least that they can be; NaN where it has none.
+        dispersion: displacement of the bands over that which was drawn, about the middle.
+        gain: of the log evidence of a block over that of the mask as drawn.
+        converged: whether a place stood out.
+        seconds: that it took.
+    """
+
+    snapshot: Snapshot[Any]
+    placement: MaskPlacement
+    std: dict[str, float]
+    dispersion: float
+    gain: float
+    converged: bool
+    seconds: float
+
+    def __str__(self) -> str:
+        if not self.converged:
+            return "not registered: no place of the mask stands out, it stays where it was drawn"
+        more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f} times as drawn"
+        return f"mask {self.placement}{more} ({self.seconds:.0f} s)"
+
+
+def register(
+    snapshot: Snapshot[Any],
+    prior: str | Path | Prior | None = None,
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> Registered:
+    """Where the mask of a snapshot lies: the place under which the snapshot is most probable.
+
+    The density of blocks of the snapshot under a Gaussian prior of scenes (its evidence) is climbed over shift (up to
+    2.4 pixels), rotation, scale, stretch and shear (up to 2 pixels at the frame's edge), light, blur and, of a spectral
+    camera, dispersion (up to 1.5 %), from coarse to fine; no truth and no calibration is needed.
+
+    Args:
+        snapshot: of a spectral or light-field camera with masks of pixels.
+        prior: Gaussian prior of scenes, its file, or None for that of the rendered scenes.
+        progress: called with the share that is done.
+
+    Raises:
+        SettingError: a camera without masks of pixels, or a prior of another kind.
+
+    Warns:
+        NotRegistered: no place stands out.
+
+    >>> import tmca
+    >>> camera = tmca.SpectralCamera(12, (64, 96), slots=1, shutter="open", sensor=tmca.Sensor(read_noise=0.01))
+    >>> snapshot = tmca.simulate(tmca.read("coffee", size=(64, 96)), camera)
+    >>> registered = register(snapshot)  # doctest: +SKIP
+    >>> estimate = tmca.reconstruct(registered.snapshot)  # doctest: +SKIP
+    """
+    began, camera = time.perf_counter(), snapshot.camera
+    if not isinstance(camera, CodedCamera):
+        raise SettingError("snapshot", f"one of {described(camera)}", "one of a camera behind masks of pixels")
+    of_scenes = find_prior(camera, prior, "gaussian")
+    evidence = MaskEvidence(camera, snapshot.values, of_scenes)
+    climbed = search(evidence, progress)
+    factor = 1.0
+    if climbed.converged and getattr(camera, "disperser", None) == "single":
+        factor, climbed, evidence = with_dispersion(snapshot, of_scenes, climbed, evidence)
+    moved = _moved(snapshot, evidence, climbed) if climbed.converged else snapshot
+    seconds = time.perf_counter() - began
+    std = _std(climbed, evidence.size)
+    registered = Registered(
+        moved, MaskPlacement.of(climbed.vector, evidence.size), std, factor, climbed.gain, climbed.converged, seconds
+    )
+    if not climbed.converged:
+        warn(f"{registered}", NotRegistered, stacklevel=2)
+    return registered
+
+
+def with_dispersion(
+    snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
+) -> tuple[float, Climbed, MaskEvidence]:
+    """The most probable dispersion for a mask that is nearly in place, and the mask behind it."""
+    half, vector = max(evidence.size) / 2, climbed.vector
+    few, many = evidence.among(half, _CELLS), evidence.among(LAST.share * half, LAST.cells)
+    sides = [_stretched(snapshot, prior, vector, few, side, (0, MOST_DISPERSION)) for side in (-1, 1)]
+    error = max(sides)[1]
+    for _ in range(_ROUNDS):
+        if abs(error) * np.ptp(snapshot.camera.dispersion.displacement) / 2 < _LEAST_DISPLACEMENT:
+            return 1.0, climbed, evidence
+        other = scaled(snapshot, prior, 1 + error)
+        vector = climb(other, vector, many, LAST._replace(steps=4))
+        around = (abs(error) - _NEARBY, abs(error) + _NEARBY)
+        error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
+    return 1 + error, climbed._replace(vector=vector), scaled(snapshot, prior, 1 + error)
+
+
+def _stretched(
+    snapshot: Snapshot[Any], prior: Any, vector: np.ndarray, blocks: Places, side: int, within: tuple[float, float]
+) -> tuple[float, float]:
+    """Gain and relative error of the most probable dispersion that is smaller (-1) or larger (1) than was drawn.
+
+    Both sides begin at their own zero: wider dispersions leave other measurements complete.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def cost(error: float) -> float:
+        other = scaled(snapshot, prior, 1 + side * error)
+        return -other.value(vector, blocks) / other.solver.model.measurements
+
+    least = 1e-4
+    options, bounds = {"xatol": 1e-4, "maxiter": 6}, (max(least, within[0]), within[1])
+    best = minimize_scalar(cost, bounds=bounds, method="bounded", options=options)
+    return cost(least) - float(best.fun), side * float(best.x)
+
+
+def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> MaskEvidence:
+    """The evidence where bands lie so many times as far from their middle."""
+    drawn = snapshot.camera.dispersion
+    middle = (min(drawn.displacement) + max(drawn.displacement)) / 2
+    bands = Dispersion(tuple(middle + factor * (one - middle) for one in drawn.displacement))
+    first, width = drawn.origin - bands.origin, snapshot.camera.size[1] + bands.extent
+    aperture, shutter = snapshot.camera.codes()
+    camera = snapshot.camera.replace(dispersion=bands, codes=Codes(aperture, on_columns(shutter, first, width)))
+    return MaskEvidence(camera, on_columns(snapshot.values, first, width), prior)
+
+
+def _moved(snapshot: Snapshot[Any], evidence: MaskEvidence, climbed: Climbed) -> Snapshot[Any]:
+    """The snapshot on the columns of a camera with its mask in place."""
+    import torch
+
+    with torch.no_grad():
+        camera = evidence.moved(torch.as_tensor(climbed.vector, dtype=torch.float32))
+    return replace(snapshot, values=evidence.values, camera=camera)
+
+
+def _std(climbed: Climbed, size: tuple[int, int]) -> dict[str, float]:
+    """By name, in pixels, degrees and shares."""
+    half = max(size) / 2
+    down, right, turn, *rest = map(float, climbed.std[:6])
+    shares = dict(zip(("scale", "stretch", "shear"), (one / half for one in rest), strict=True))
+    return {"down": down, "right": right, "rotation": math.degrees(turn / half), **shares}

@@ -1,0 +1,171 @@
+"""Masks that lie elsewhere are found from the snapshot alone, by evidence that is held against dense matrices."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import affine_transform
+from scipy.stats import multivariate_normal
+
+import tmca
+from tests.small_scenes import smooth_scene
+from tmca.codes import Codes
+from tmca.errors import SettingError
+from tmca.optics import Dispersion
+from tmca.optics.spectral import on_columns
+from tmca.priors import GaussianMixturePrior, GaussianPrior
+from tmca.registration import MaskPlacement, NotRegistered, register
+from tmca.registration.evidence import MaskEvidence
+from tmca.registration.placement import SmoothPlanes, seen_from
+
+SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
+PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
+DISPERSED = {"dispersion": 3.0}
+MOVED = np.array([1.3, -0.8, 0.7, -0.5, 0.2, -0.3, 0.0, 0.3])
+
+
+def camera(**changes):
+    return tmca.SpectralCamera(4, SIZE, **{"slots": 1, "shutter": "open", "sensor": SENSOR, "seed": 3} | changes)
+
+
+def elsewhere(shown, vector, factor=1.0):
+    """A camera whose mask and bands lie elsewhere, and its snapshot on the columns of the one that was drawn."""
+    aperture, shutter = shown.codes()
+    planes = SmoothPlanes(aperture)(*seen_from(torch.as_tensor(vector, dtype=torch.float32), aperture.shape[-2:]))
+    drawn = shown.dispersion
+    middle = sum(drawn.displacement[:: len(drawn.displacement) - 1]) / 2
+    bands = Dispersion(tuple(middle + factor * (one - middle) for one in drawn.displacement))
+    first, width = drawn.origin - bands.origin, SIZE[1] + bands.extent
+    moved = shown.replace(codes=Codes(planes, on_columns(shutter, first, width)), dispersion=bands)
+    values = moved(smooth_scene(*SIZE, 4, seed=5).float()[None], generator=0)
+    return moved, tmca.Snapshot(on_columns(values, -first, shown.snapshot_shape[-1]), shown)
+
+
+@pytest.mark.parametrize("size", [(21, 30), (24, 17)])
+def test_a_mask_is_moved_as_splines_are_elsewhere(size):
+    mask = np.random.default_rng(0).random(size)
+    vector = torch.tensor([0.7, -1.2, 0.5, -0.4, 0.2, 0.3, 0.0, 0.0], dtype=torch.float64)
+    found = SmoothPlanes(torch.from_numpy(mask)[None])(*seen_from(vector, size))[0].numpy()
+    placed = MaskPlacement.of(vector.numpy(), size)
+    inverse, middle = np.linalg.inv(placed.matrix), (np.array(size) - 1) / 2
+    offset = middle - inverse @ (middle + np.array(placed.shift))
+    expected = affine_transform(mask, inverse, offset, order=3, mode="nearest").clip(0, 1)
+    np.testing.assert_allclose(found[3:-3, 3:-3], expected[3:-3, 3:-3], atol=2e-3)
+
+
+def test_a_placement_says_how_the_mask_was_turned_and_stretched():
+    size, middle = (100, 80), np.array([49.5, 39.5])
+    vector = np.array([1, 2, 50 * math.radians(0.3), 0.5, 0, 0, 0, 0])
+    placed = MaskPlacement.of(vector, size)
+    assert placed.rotation == pytest.approx(0.3, rel=0.02)
+    np.testing.assert_allclose(placed.strain, np.eye(2) * 1.01, atol=2e-4)
+    rows, columns = seen_from(torch.from_numpy(vector), size)
+    for pixel in ((0, 0), (60, 70), (99, 3)):
+        back = np.linalg.inv(placed.matrix) @ (pixel - middle - placed.shift) + middle
+        np.testing.assert_allclose((rows[pixel], columns[pixel]), back, atol=1e-9)
+
+
+def test_splines_have_their_derivatives():
+    planes = SmoothPlanes(0.2 + 0.6 * torch.rand(2, 9, 11, dtype=torch.float64))
+    places = [torch.rand(5, dtype=torch.float64) * 6 + 1 for _ in range(2)]
+    assert torch.autograd.gradcheck(planes, [one.requires_grad_() for one in places])
+
+
+@pytest.mark.parametrize(
+    "changes", [{}, {"slots": 3, "shutter": "random"}, {"slots": 2, "shutter": "balanced", "buckets": 2}]
+)
+def test_the_evidence_is_that_of_dense_gaussians(changes):
+    shown = camera(**changes)
+    _, snapshot = elsewhere(shown, 0 * MOVED)
+    evidence = MaskEvidence(shown, snapshot.values, PRIOR)
+    blocks = evidence.among(100, 2)
+    code = shown.taps().code.double().numpy()
+    model, (h, w) = evidence.solver.model, PRIOR.block[1:]
+    expected = 0.0
+    for top, left in blocks:
+        part = code[:, top : top + h, left : left + w]
+        rows = []
+        for bucket in range(model.buckets):
+            for y in range(h):
+                for x in range(model.span, w):
+                    row = np.zeros(PRIOR.block)
+                    for t, (channel, offset) in enumerate(zip(model.channels, model.offsets, strict=True)):
+                        row[channel, y, x - offset] += part[bucket * len(model.offsets) + t, y, x - offset]
+                    rows.append(row.ravel())
+        rows = np.array(rows)
+        covariance = rows @ PRIOR.covariance.double().numpy() @ rows.T + 0.005**2 * np.eye(len(rows))
+        seen = snapshot.values[0, :, top : top + h, left + model.span : left + w].double().numpy().ravel()
+        density = multivariate_normal(rows @ PRIOR.mean.double().numpy().ravel(), covariance)
+        expected += density.logpdf(seen) + len(rows) / 2 * math.log(2 * math.pi)
+    assert evidence.value(0 * MOVED, blocks) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_evidence_has_its_slope():
+    shown = camera()
+    _, snapshot = elsewhere(shown, MOVED)
+    evidence = MaskEvidence(shown, snapshot.values, PRIOR)
+    blocks = evidence.among(100, 2)
+    _, slope = evidence.slope(MOVED, blocks, 0.05)
+    for at in range(len(MOVED)):
+        step = np.eye(len(MOVED))[at] * 0.005
+        ahead, behind = (evidence.value(MOVED + sign * step, blocks, 0.05) for sign in (1, -1))
+        assert slope[at] == pytest.approx((ahead - behind) / 0.01, rel=0.03, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "factor"),
+    [({}, 1.0), ({"slots": 3, "shutter": "random"}, 1.0), (DISPERSED | {"shutter": "open"}, 1.01)],
+)
+def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
+    shown = camera(**changes)
+    _, snapshot = elsewhere(shown, MOVED, factor)
+    found = register(snapshot, PRIOR)
+    true = MaskPlacement.of(MOVED, SIZE)
+    assert found.converged
+    assert found.placement.shift == pytest.approx(true.shift, abs=0.08)
+    assert found.placement.rotation == pytest.approx(true.rotation, abs=0.1)
+    np.testing.assert_allclose(found.placement.strain, true.strain, atol=3e-3)
+    scene = smooth_scene(*SIZE, 4, seed=5)
+    errors = [
+        (tmca.reconstruct(one, "lmmse", prior=PRIOR).values - scene).square().mean()
+        for one in (found.snapshot, snapshot)
+    ]
+    assert errors[0] < 0.3 * errors[1]
+
+
+def test_a_light_fields_mask_is_found():
+    shown = tmca.LightFieldCamera(3, SIZE, slots=2, shutter="random", sensor=SENSOR)
+    prior = GaussianPrior.learn([smooth_scene(72, 96, 9, seed=s) for s in (1, 2)], (5, 12))
+    aperture, shutter = shown.codes()
+    vector = torch.tensor([0.9, -0.6, 0.4, 0, 0, 0, 0, 0])
+    moved = shown.replace(codes=Codes(SmoothPlanes(aperture)(*seen_from(vector, aperture.shape[-2:])), shutter))
+    scene = smooth_scene(*SIZE, 9, seed=5).float().reshape(1, *shown.scene_shape)
+    found = register(tmca.Snapshot(moved(scene, generator=0), shown), prior)
+    assert found.placement.shift == pytest.approx((0.9, -0.6), abs=0.08)
+    assert found.dispersion == 1
+
+
+def test_where_nothing_stands_out_the_mask_stays():
+    dark = tmca.Snapshot(torch.zeros(1, 1, *camera().snapshot_shape[1:]), camera())
+    with pytest.warns(NotRegistered, match="it stays where it was drawn"):
+        found = register(dark, PRIOR)
+    assert found.snapshot is dark
+    assert not found.converged
+
+
+def test_the_mask_of_another_camera_stays():
+    _, snapshot = elsewhere(camera(), MOVED)
+    other = tmca.Snapshot(snapshot.values, camera(seed=4))
+    with pytest.warns(NotRegistered, match="no place of the mask stands out"):
+        assert register(other, PRIOR).snapshot is other
+
+
+def test_other_cameras_and_priors_are_refused():
+    depth = tmca.SpectralDepthCamera.from_preset("thesis", size=(16, 16))
+    taken = tmca.Snapshot(torch.zeros(1, *depth.snapshot_shape), depth)
+    with pytest.raises(SettingError, match=r"snapshot: found .*expected one of a camera behind masks of pixels"):
+        register(taken)
+    _, snapshot = elsewhere(camera(), 0 * MOVED)
+    with pytest.raises(SettingError, match="prior"):
+        register(snapshot, GaussianMixturePrior.of(PRIOR))
