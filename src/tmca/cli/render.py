@@ -87,8 +87,6 @@ def _folder(folder: Path, scene: str | None, figure: Path | None, out: Path | No
         if given is not None:
             raise SettingError(name, str(given), f"none beside --from {folder}", "leave one out")
     target = out or Path(f"{folder.resolve().name}_scenes")
-    if "views" not in how:
-        how.setdefault("light", "drawn")
     with progress_bar(f"render {target.name}") as progress:
         files = render_folder(folder, target, progress=progress, **how)
     print(f"{target}: {len(files)} scenes, listed in {target / SPLIT}")

@@ -13,6 +13,7 @@ from tmca.data.files import read_attributes, write_dataset
 from tmca.data.folders import held_folder
 from tmca.data.formats.images import PICTURES, picture_size
 from tmca.data.rendering import rendered_light_field, rendered_scene
+from tmca.data.rendering.lighting import Light
 from tmca.data.rendering.own import photographs_in
 from tmca.data.rendering.photographs import check_photograph, photograph
 from tmca.data.scene_names import write_split
@@ -32,6 +33,7 @@ def render_folder(
     number: int | None = None,
     seed: int = 0,
     views: int | None = None,
+    light: Light = "drawn",
     overwrite: bool = False,
     progress: Callable[..., None] | None = None,
     **rendering: Any,
@@ -46,6 +48,7 @@ def render_folder(
         number: so many photographs, drawn by the seed; a larger number keeps those of a smaller one. All without it.
         seed: draws photographs and scenes.
         views: n for light fields of n×n views instead of spectral scenes.
+        light: of spectral scenes; see `rendered_scene`.
         overwrite: render anew what is there, also scenes that were rendered otherwise.
         progress: called with the share that is done, None, and the name of the scene.
         rendering: further arguments of `rendered_scene`, or of `rendered_light_field`.
@@ -62,15 +65,16 @@ def render_folder(
     for path in chosen.values():
         if path.suffix.lower() in PICTURES:
             check_photograph(path, picture_size(path), rendering.get("size"))
-    how = {"seed": seed, **({} if views is None else {"views": views}), **rendering}
+    how = {"seed": seed, **({"light": light} if views is None else {"views": views}), **rendering}
     with held_folder(out, "rendering") as folder:
         files = [folder / f"{name}.nc" for name in chosen]
         _refuse_others(folder, files, overwrite)
-        for index, (path, file) in enumerate(zip(chosen.values(), files, strict=True)):
+        wanted = dict(zip(files, chosen.values(), strict=True))
+        left = [file for file, path in wanted.items() if overwrite or not _is_there(file, path, how)]
+        for index, file in enumerate(left):
             if progress is not None:
-                progress(index / len(files), None, file.stem)
-            if overwrite or not _is_there(file, path, how):
-                write_dataset(_rendered(path, file.stem, how), file, overwrite=overwrite)
+                progress(index / len(left), None, file.stem)
+            write_dataset(_rendered(wanted[file], file.stem, how), file, overwrite=overwrite)
         write_split(files, folder / SPLIT, folder, overwrite=True)
     return files
 

@@ -112,4 +112,4 @@ def _highlights(
 def _exposed(radiance: Array, rng: np.random.Generator) -> Array:
     """Radiance whose bright pixels reach a level that is drawn; few are cut at 1."""
     bright = float(np.quantile(radiance.max(axis=0)[::2, ::2], 0.995))
-    return np.minimum(radiance * np.float32(10 ** rng.uniform(-0.35, 0.0) / max(bright, 1e-6)), 1)
+    return np.minimum(radiance * np.float32(10 ** rng.uniform(-0.2, 0.0) / max(bright, 1e-6)), 1)
