@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float32]
 Light = Literal["flat", "drawn"]
 
-_REACH = 40
-"""Steps of two pixels over which a shadow is looked for."""
+_REACH = 80
+"""Pixels over which a shadow is looked for."""
 
 
 def lit(spectral: Array, light: Array, depth: Array, labels: NDArray[np.intp], rng: np.random.Generator) -> Array:
@@ -30,7 +30,7 @@ def lit(spectral: Array, light: Array, depth: Array, labels: NDArray[np.intp], r
     known = np.nan_to_num(depth, nan=float(np.nanmax(depth)))
     angle, height = rng.uniform(0, 2 * np.pi), rng.uniform(0.4, 0.9)
     lamp = np.array([np.sin(angle), np.cos(angle)]) * np.sqrt(1 - height**2)
-    normals = _normals(labels, known, rng)
+    normals = _normals(labels, rng)
     facing = np.maximum(normals[0] * lamp[0] + normals[1] * lamp[1] + normals[2] * height, 0)
     ambient = rng.uniform(0.15, 0.45)
     shade = ambient + (1 - ambient) * facing * (1 - _shadow(known, lamp / height, rng))
@@ -42,7 +42,7 @@ def lit(spectral: Array, light: Array, depth: Array, labels: NDArray[np.intp], r
     return np.concatenate([spectral[:bands], _exposed(radiance, rng)])
 
 
-def _normals(labels: NDArray[np.intp], depth: Array, rng: np.random.Generator) -> Array:
+def _normals(labels: NDArray[np.intp], rng: np.random.Generator) -> Array:
     """Unit normals ``(3, H, W)``, y, x and towards the camera: every region bulges, and the whole is gently uneven."""
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
@@ -67,7 +67,7 @@ def _shadow(depth: Array, towards: Array, rng: np.random.Generator) -> Array:
     slope = float(np.hypot(*towards))
     step = towards / slope
     hidden = np.zeros(depth.shape, dtype=np.float32)
-    for pixels in np.linspace(3, 2 * _REACH, 12):
+    for pixels in np.linspace(3, _REACH, 12):
         above = shift(height, -step * pixels, order=0, mode="nearest") - pixels / slope
         hidden = np.maximum(hidden, above > height + 2)
     return rng.uniform(0.6, 1.0) * gaussian_filter(hidden, rng.uniform(0.7, 3))
@@ -88,7 +88,7 @@ def _backdrop(labels: NDArray[np.intp], depth: Array, rng: np.random.Generator) 
     return gaussian_filter(dark[labels].astype(np.float32), 0.7)
 
 
-def _cloth(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
+def _cloth(shape: tuple[int, ...], rng: np.random.Generator) -> NDArray[np.float64]:
     """The dark cloth ``(H, W)``, about 1: folds, and a fine weave."""
     from scipy.ndimage import gaussian_filter
 
@@ -98,7 +98,7 @@ def _cloth(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
 
 def _highlights(
     normals: Array, lamp: Array, height: float, labels: NDArray[np.intp], rng: np.random.Generator
-) -> Array:
+) -> NDArray[np.float64]:
     """Mirrored light ``(H, W)`` of glossy regions. Source: Blinn, SIGGRAPH 1977."""
     half = np.array([lamp[0], lamp[1], height + 1])
     half /= np.sqrt((half**2).sum())
@@ -106,7 +106,8 @@ def _highlights(
     gloss = np.where(rng.random(count) < 0.4, rng.uniform(0.05, 0.8, count), 0)
     sharp = 10 ** rng.uniform(1.3, 2.5, count)
     cosine = np.maximum(np.tensordot(half, normals, 1), 0)
-    return gloss[labels] * cosine ** sharp[labels]
+    mirrored: NDArray[np.float64] = gloss[labels] * cosine ** sharp[labels]
+    return mirrored
 
 
 def _exposed(radiance: Array, rng: np.random.Generator) -> Array:
