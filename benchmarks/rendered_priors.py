@@ -23,16 +23,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=Path, required=True, help="split file of scenes that are decoded")
     parser.add_argument("--prior", action="append", required=True, help="file, or rendered; again for another")
-    parser.add_argument("--decoder", default="lmmse", help="[lmmse]")
+    parser.add_argument("--decoder", default="lmmse", help="lmmse or mixture [lmmse]")
     options = parser.parse_args()
     torch.set_num_threads(1)
+    kind = "mixture" if options.decoder == "mixture" else "gaussian"
     cubes = {path.stem: load_scene(path, bands=12, size=(256, 256)) for path in read_split(options.scenes)}
     waves = next(iter(cubes.values()))["wavelength"].values.tolist()
     sensor = tmca.Sensor(read_noise=0.01)
     camera = tmca.SpectralCamera(waves, (256, 256), 8, shutter="random", period=32, seed=0, sensor=sensor)
     print(f"| prior | {' | '.join(cubes)} | mean |\n|{'---|' * (len(cubes) + 2)}")
     for name in options.prior:
-        prior, found = find_prior(camera, None if name == "rendered" else name), []
+        prior, found = find_prior(camera, None if name == "rendered" else name, kind), []
         for cube in cubes.values():
             scene = torch.from_numpy(np.ascontiguousarray(cube.values))[None]
             snapshot = tmca.Snapshot(camera(scene, generator=0), camera)
