@@ -77,20 +77,20 @@ def rendered_once() -> Iterator[None]:
     render, render_views = scene._render, light_field._render
 
     @lru_cache(maxsize=8)
-    def kept(name: str, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: tuple[int, ...]) -> Any:
-        found = render(name, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape))
+    def kept(entry: Any, seed: int, crop: tuple[tuple[int, int], ...], bands: bytes, shape: Any, *how: Any) -> Any:
+        found = render(entry, seed, tuple(slice(*ends) for ends in crop), np.frombuffer(bands).reshape(shape), *how)
         found[0].flags.writeable = False
         return found
 
-    def copied(name: str, seed: int, crop: tuple[slice, slice], bands: Any) -> Any:
+    def copied(entry: Any, seed: int, crop: tuple[slice, slice], bands: Any, *how: Any) -> Any:
         ends = tuple((part.start, part.stop) for part in crop)
-        spectral, depth = kept(name, seed, ends, bands.tobytes(), bands.shape)
+        spectral, depth = kept(entry, seed, ends, bands.tobytes(), bands.shape, *how)
         return spectral, depth.copy()  # what reads the large one copies it
 
     kept_views = lru_cache(maxsize=4)(render_views)
 
-    def copied_views(name: str, seed: int, views: int, frame: Any, disparity: Any, colour: bool) -> Any:
-        found = kept_views(name, seed, views, tuple(frame), tuple(disparity), colour)
+    def copied_views(entry: Any, seed: int, views: int, frame: Any, disparity: Any, colour: bool) -> Any:
+        found = kept_views(entry, seed, views, tuple(frame), tuple(disparity), colour)
         return tuple(part.copy() for part in found)
 
     with pytest.MonkeyPatch.context() as patch:

@@ -11,7 +11,7 @@ from tmca.data import pixels as resample
 from tmca.data import rendered_names, rendered_scene, split_rendered
 from tmca.data.rendering import measured
 from tmca.data.rendering import pictures as metamers
-from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, motorcycle_depth
+from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, motorcycle_depth, photograph
 from tmca.errors import SettingError
 
 BANDS_12 = np.linspace(400e-9, 700e-9, 12)
@@ -51,7 +51,7 @@ def test_the_split_covers_all_scenes_and_keeps_the_motorcycle_for_tests():
 def test_colours_are_those_of_the_photograph(name):
     scene = rendered_scene(name, wavelengths=FIVE_NM)
     seen = np.moveaxis(np.tensordot(measured.rgb_observer(), scene.reflectance.values, 1), 0, -1)
-    error = np.abs(seen - linear_rgb(name))
+    error = np.abs(seen - linear_rgb(photograph(name)))
     assert error.max() < 2.5e-3
     assert error.mean() < 3e-4
 
@@ -217,7 +217,7 @@ def test_photographs_are_linearised():
     import skimage.data
     from skimage.color import rgb2xyz, xyz2rgb
 
-    rgb = linear_rgb("astronaut")
+    rgb = linear_rgb(photograph("astronaut"))
     assert rgb.max() == pytest.approx(0.9)
     # An independent sRGB decoder: linear sRGB to XYZ is a matrix, and white is (0.9505, 1, 1.089).
     xyz = rgb2xyz(skimage.data.astronaut()[::16, ::16])

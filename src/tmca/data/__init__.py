@@ -30,6 +30,7 @@ from tmca.data.light_fields import (
     read_light_field,
     write_light_field,
 )
+from tmca.data.rendered_folders import render_folder
 from tmca.data.rendering import (
     rendered_light_field,
     rendered_names,
@@ -89,6 +90,7 @@ __all__ = [
     "read_split",
     "reads",
     "refuse_rgbd",
+    "render_folder",
     "rendered_light_field",
     "rendered_names",
     "rendered_scene",

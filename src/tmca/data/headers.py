@@ -12,7 +12,7 @@ from tmca.data.cubes import locate_cube
 from tmca.data.formats.opening import open_contents
 from tmca.data.light_fields import find_light_field, not_spectral, open_light_field
 from tmca.data.rendering import is_rendered, rendered_names
-from tmca.data.rendering.photographs import linear_rgb, no_such_scene
+from tmca.data.rendering.photographs import linear_rgb, no_such_scene, photograph
 from tmca.data.rendering.pictures import checked_wavelengths
 from tmca.data.rgbd import refuse_rgbd
 from tmca.errors import DataError
@@ -49,7 +49,7 @@ def view_size_of(
     """
     name = source.partition(":")[0]
     if not Path(source).exists() and name in rendered_names():
-        rows, columns = linear_rgb(name).shape[:2]
+        rows, columns = linear_rgb(photograph(name)).shape[:2]
         return int(rows), int(columns)
     with open_light_field(source, pattern, lens) as contents:
         views = find_light_field(contents)

@@ -17,8 +17,8 @@ from tmca.data.formats import envi
 from tmca.data.formats.opening import is_zarr, open_contents
 from tmca.data.pixels import area_average, nearest, wrong_size
 from tmca.data.point_cloud import scaled_lengths
-from tmca.data.rendering.photographs import WHITE, staged_depth
-from tmca.data.rendering.pictures import COARSE, Materials, generator, regions_of, smooth_field, spectral_from_rgb
+from tmca.data.rendering.photographs import WHITE, generator, staged_depth
+from tmca.data.rendering.pictures import COARSE, Materials, regions_of, smooth_field, spectral_from_rgb
 from tmca.data.rgbd import read_rgbd, refuse_rgbd
 from tmca.errors import DataError, ShapeError, check_choice
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 
 from tmca.data.axes import pixel_axes
 from tmca.data.pixels import encoded
-from tmca.data.rendering.photographs import PHOTOGRAPHS, linear_rgb, photograph
-from tmca.data.rendering.pictures import COARSE, generator
-from tmca.data.rendering.scene import regions
+from tmca.data.rendering.photographs import PHOTOGRAPHS, Photograph, generator, linear_rgb, photograph
+from tmca.data.rendering.pictures import COARSE
+from tmca.data.rendering.scene import origin, regions
 from tmca.data.rendering.surfaces import (
     STEEPEST,
     Outline,
@@ -53,7 +54,7 @@ def split_rendered_light_fields() -> dict[str, tuple[str, ...]]:
 
 
 def rendered_light_field(
-    name: str,
+    name: str | Path,
     *,
     views: int = 5,
     size: tuple[int, int] | None = None,
@@ -62,7 +63,7 @@ def rendered_light_field(
     colour: bool = False,
     linear: bool = False,
 ) -> xr.Dataset:
-    """Render a light field of one of scikit-image's photographs, with its true disparity.
+    """Render a light field of a photograph, with its true disparity: one of scikit-image's, or one of your own.
 
     The photograph covers a slanted, gently waved background; before it, at their own disparities and tilts, stand
     silhouettes of the photograph's own regions and drawn shapes, each covered by another part of the photograph,
@@ -71,7 +72,7 @@ def rendered_light_field(
     up exactly (`render_view`). Beyond its edges the photograph is mirrored; it is never enlarged.
 
     Args:
-        name: one of `rendered_names`.
+        name: one of `rendered_names`, or the path of a photograph (PNG, JPEG, BMP, TIFF; 32×32 pixels or more).
         views: n for n×n views, odd.
         size: (H, W) in pixels; default the photograph's.
         disparity: (lowest, highest) px per view step; all surfaces lie between. The nearest thing reaches the highest;
@@ -87,17 +88,20 @@ def rendered_light_field(
 
     Raises:
         SettingError: an unknown name, or impossible views, size, range of disparity or seed.
+        DataError: a file that is no photograph.
+
+    Warns:
+        GreyPhotograph: a photograph without colours.
     """
-    entry = photograph(name)
     _check(views, disparity, size)
-    height, width = linear_rgb(name).shape[:2] if size is None else size
-    pixels, shown = _render(name, seed, views, (height, width), disparity, colour)
+    entry = photograph(name, seed)
+    height, width = linear_rgb(entry).shape[:2] if size is None else size
+    pixels, shown = _render(entry, seed, views, (height, width), disparity, colour)
     pixels = np.moveaxis(pixels if linear else encoded(pixels), 2, 0)
     about = {
-        "name": f"{name}_{seed}",
-        "photograph": f"skimage.data.{entry.source}",
-        "credit": entry.credit,
-        "split": next(part for part, names in split_rendered_light_fields().items() if name in names),
+        "name": f"{entry.name}_{seed}",
+        **origin(entry),
+        "split": "validation" if entry in map(PHOTOGRAPHS.get, _VALIDATION) else entry.split,
         "encoding": "linear" if linear else "sRGB",
         "seed": seed,
     }
@@ -105,10 +109,10 @@ def rendered_light_field(
 
 
 def _render(
-    name: str, seed: int, views: int, frame: tuple[int, int], disparity: tuple[float, float], colour: bool
+    entry: Photograph, seed: int, views: int, frame: tuple[int, int], disparity: tuple[float, float], colour: bool
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Views (V, U, C, H, W) as relative irradiance, and disparity (H, W) of what the centre view shows."""
-    surfaces = _staged(name, frame, disparity, generator(crc32(f"light field {name}".encode()), seed), colour)
+    surfaces = _staged(entry, frame, disparity, generator(crc32(f"light field {entry.key}".encode()), seed), colour)
     steps = np.arange(views) - (views - 1) / 2
     rendered = [[render_view(surfaces, v, u, frame, SAMPLES) for u in steps] for v in steps]
     pixels = np.clip(np.stack([np.stack([view for view, _ in row]) for row in rendered]), 0, 1)
@@ -127,14 +131,14 @@ def _check(views: int, disparity: tuple[float, float], size: tuple[int, int] | N
 
 
 def _staged(
-    name: str, frame: tuple[int, int], disparity: tuple[float, float], rng: np.random.Generator, colour: bool
+    entry: Photograph, frame: tuple[int, int], disparity: tuple[float, float], rng: np.random.Generator, colour: bool
 ) -> list[Surface]:
     """Background and things of a scene, all within the range of disparity."""
     low, high = disparity
-    coefficients = _coefficients(name, colour)
+    coefficients = _coefficients(entry, colour)
     floor = _fitted(_floor(rng, frame, 0.4 * (high - low)), None, frame, low, "lowest")
     background = Surface(floor, _background_texture(coefficients, frame, rng))
-    fields, surfaces = _silhouettes(name), [background]
+    fields, surfaces = _silhouettes(entry), [background]
     levels = np.sort(rng.uniform(0.3, 1.0, rng.integers(*_THINGS)))
     for share in [*levels[:-1], 1.0]:
         natural = bool(fields) and rng.random() < 0.5
@@ -199,18 +203,18 @@ def _thing_texture(coefficients: NDArray[np.float32], rng: np.random.Generator) 
 
 
 @lru_cache(maxsize=2)
-def _coefficients(name: str, colour: bool) -> NDArray[np.float32]:
+def _coefficients(entry: Photograph, colour: bool) -> NDArray[np.float32]:
     """Cubic spline coefficients ``(C, h, w)`` of the photograph in linear light."""
     from scipy.ndimage import spline_filter
 
-    rgb = linear_rgb(name)
+    rgb = linear_rgb(entry)
     planes = np.moveaxis(rgb, -1, 0) if colour else (rgb @ _LUMINANCE)[None]
     return np.stack([spline_filter(plane, order=3, output=np.float32, mode="mirror") for plane in planes])
 
 
 @lru_cache(maxsize=4)
-def _silhouettes(name: str) -> list[NDArray[np.float32]]:
-    return silhouettes(regions(name, *COARSE))
+def _silhouettes(entry: Photograph) -> list[NDArray[np.float32]]:
+    return silhouettes(regions(entry, *COARSE))
 
 
 def _dataset(pixels: NDArray[np.float32], disparity: NDArray[np.float32], about: dict[str, Any]) -> xr.Dataset:

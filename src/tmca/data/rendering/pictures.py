@@ -15,8 +15,8 @@ from tmca.data.axes import WAVELENGTH
 from tmca.data.pixels import encoded
 from tmca.data.rendering import measured
 from tmca.data.rendering.measured import primaries, rgb_observer
-from tmca.data.rendering.photographs import WHITE
-from tmca.errors import DataError, SettingError, ShapeError, check_choice, check_range
+from tmca.data.rendering.photographs import WHITE, generator
+from tmca.errors import DataError, SettingError, ShapeError, check_choice
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,16 +98,6 @@ def _checked_picture(rgb: xr.DataArray | NDArray[np.float32]) -> NDArray[np.floa
     return np.ascontiguousarray(np.moveaxis(values, 0, -1))
 
 
-def generator(key: int, seed: int) -> np.random.Generator:
-    """Random numbers of their own for every picture (its ``key``) and seed.
-
-    Raises:
-        SettingError: a seed that is not a whole number from 0.
-    """
-    check_range("seed", seed, 0, whole=True)
-    return np.random.default_rng([key, int(seed)])
-
-
 def regions_of(rgb: NDArray[np.float32], scale: float, smallest: int, step: int) -> NDArray[np.intp]:
     """Regions of a linear picture ``(H, W, 3)`` with white at `WHITE`, from 0, found on every ``step``-th pixel.
 
@@ -128,6 +118,7 @@ def spectra_of(
     rng: np.random.Generator,
     bands: NDArray[np.float64],
     crop: tuple[slice, slice] = (slice(None), slice(None)),
+    variety: float = 1.0,
 ) -> NDArray[np.float32]:
     """Bands ``(C, H, W)`` of the cropped picture, its regions filled with materials.
 
@@ -138,10 +129,11 @@ def spectra_of(
         rng: draws materials and metamers.
         bands: ``(C, 61)`` weights that turn a reflectance into band values.
         crop: the part that is wanted.
+        variety: of the metamers; 1 is that of the measured reflectances, had each its region.
     """
     model = _model(materials)
     mixtures = region_materials(model, rgb.astype(np.float64), labels, rng)
-    amplitudes = black_amplitudes(labels, rng)
+    amplitudes = np.float32(variety) * black_amplitudes(labels, rng)
     return project(model, rgb[crop], labels[crop], mixtures, amplitudes[crop], bands)
 
 
