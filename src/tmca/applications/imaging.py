@@ -26,7 +26,7 @@ from tmca.data.scene_names import SOURCE_BANDS, compare_scene
 from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.metrics import coverage_1s
+from tmca.metrics import certainty
 from tmca.plots.estimates import mean_frame
 from tmca.progress import Asked, reporting
 from tmca.sensor import Sensor
@@ -234,12 +234,12 @@ def evaluation_of(
 
 
 def _measured(application: Application, parts: Mapping[str, np.ndarray], scene: Any, camera: Any) -> dict[str, float]:
-    """Figures of merit of the camera, and of a predicted deviation the share of values within it."""
+    """Figures of merit of the camera, and how well a predicted deviation tells its errors."""
     metrics, light = application.metrics(parts, scene, camera), np.asarray(_light(scene).values)
     values, deviation = parts["values"], parts.get("deviation")
     if deviation is None or not values.size == light.size == deviation.size:
         return metrics
-    return {**metrics, "coverage_1s": coverage_1s(values.ravel(), light.ravel(), deviation.ravel())}
+    return {**metrics, **certainty(values.ravel(), light.ravel(), deviation.ravel())}
 
 
 def _check_deviation(stored: xr.Dataset, where: str) -> None:
