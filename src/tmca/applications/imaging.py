@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 else:
     Scene = Scenes = Any
 
+_MAPS = ("depth", "depth_deviation")
+"""Of an estimate, by which it is measured beside its values."""
 NOISE_STREAM = 0x9E3779B9
 """Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
@@ -196,7 +198,9 @@ def evaluation_of(
     if isinstance(estimate, Estimate):
         application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
         parts = {"values": estimate.values.numpy(force=True)}
-        parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
+        for name in _MAPS:
+            plane = getattr(estimate, name)
+            parts |= {} if plane is None else {name: plane[0, 0].numpy(force=True)}
         parts |= {} if estimate.deviation is None else {"deviation": estimate.deviation.numpy(force=True)}
     else:
         if not isinstance(estimate, str | Path):
@@ -321,10 +325,10 @@ def _estimated(stored: xr.Dataset) -> xr.DataArray:
 
 
 def _parts(stored: xr.Dataset) -> dict[str, np.ndarray]:
-    """What an estimate is measured by: its values, snapshots or colours first, and its depth."""
+    """What an estimate is measured by: its values, snapshots or colours first, and its depth with its deviation."""
     values = _estimated(stored)
     several = "colour" in values.sizes or "snapshot" in values.sizes
     parts = {"values": values.values if several else values.values[None]}
-    parts |= {"depth": stored["depth"].values} if "depth" in stored else {}
+    parts |= {name: stored[name].values for name in _MAPS if name in stored}
     spread = stored["deviation"].values if "deviation" in stored else None
     return parts | ({} if spread is None else {"deviation": spread if several else spread[None]})

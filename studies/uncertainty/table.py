@@ -1,0 +1,165 @@
+"""How sure decoders are, held against their errors: ``python -m studies.uncertainty.table DATA``.
+
+Every row: a camera, a decoder, a prior, a scene; shares of true values within one and two standard deviations and rank
+correlations of deviation and error, of the deviation as it is predicted and as it is calibrated. Scenes are those of
+test splits, which the calibration has not seen. Written: ``uncertainty.json``, the page ``uncertainty.md`` and its
+picture ``uncertainty.png``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from studies.tables import Column, table, write_results
+from studies.uncertainty.cases import KINDS, LEARNED, Case, cases
+from tmca.decoders.certainty import calibrated, calibrations
+from tmca.evaluation.tables import repository_commit
+from tmca.metrics import coverage_1s, coverage_2s, rank_correlation
+
+Array = NDArray[np.float64]
+MOST, BINS, FEWEST = 400_000, 16, 200
+"""Values of a scene whose ranks are compared; bins of the picture, and values in the smallest."""
+GROUP = ("kind", "decoder", "camera", "prior")
+COLUMNS = [
+    *(
+        Column(f"{key}_{when}", f"{heading}, {when}", spec)
+        for key, heading, spec in (
+            ("coverage_1s", "1σ", ".0%"),
+            ("coverage_2s", "2σ", ".1%"),
+            ("rank_correlation", "rank", ".2f"),
+            ("rank_of_pixels", "rank of pixels", ".2f"),
+        )
+        for when in ("before", "after")
+    ),
+    Column("rank_of_normal", "best rank", ".2f"),
+]
+HEAD = """# How sure decoders are
+
+Decoders predict a standard deviation of every value. Under one Gaussian prior it follows code and noise, but not the
+scene. The shipped calibration (`tmca.decoders.certainty`) adds what the estimate itself shows of where errors are
+large. This page holds both against the errors, on scenes from which neither prior nor calibration learned.
+
+Made by `python -m studies.uncertainty.table DATA` at commit `{commit}`; the calibration's recipe is
+`python -m studies.uncertainty.fit DATA`, on other scenes: {fitted}.
+
+- **1σ, 2σ**: share of true values within one and two standard deviations; 68 and 95 % are right.
+- **rank**: rank correlation (Spearman) of deviation and absolute error, value by value.
+- **rank of pixels**: the same of root mean squares over the bands or views of a pixel.
+- **best rank**: what *rank* would be if errors were normal with exactly the calibrated deviation: single errors are
+  small by chance even where they are expected to be large.
+- **before, after**: as predicted, and calibrated.
+- **prior**: of the rendered scenes, or of six scenes of `cave_train` ({learned}).
+
+![Actual over predicted error of cameras and decoders, before and after](uncertainty.png)
+
+In the picture values are sorted by their deviation into bins of as many each; on the dotted line both agree.
+
+## All scenes together
+
+"""
+
+
+class Judged(NamedTuple):
+    """Errors and deviations before and after of one case, value by value, and of its pixels."""
+
+    values: tuple[Array, Array, Array]
+    pixels: tuple[Array, Array, Array]
+
+
+def judged(case: Case) -> Judged:
+    """In the units of the estimate."""
+    coefficients = calibrations()[case.decoder, case.kind].coefficients
+    after = calibrated(case.values, case.deviation, coefficients)
+    parts = [part * case.scale for part in (case.errors, case.deviation, after)]
+    known = case.known.flatten(1, -3).all(1)
+    of_pixels = (part.flatten(1, -3).square().mean(1).sqrt()[known] for part in parts)
+    values, pixels = ([_plain(p) for p in some] for some in ((part[case.known] for part in parts), of_pixels))
+    return Judged((values[0], values[1], values[2]), (pixels[0], pixels[1], pixels[2]))
+
+
+def _plain(values: Tensor) -> Array:
+    some: Array = values.double().numpy()
+    return some[:: max(1, len(some) // MOST)]
+
+
+def figures(some: Sequence[Judged]) -> dict[str, float]:
+    """Of one case, or of several together."""
+    errors, *deviations = (np.concatenate([one.values[i] for one in some]) for i in range(3))
+    pixels = [np.concatenate([one.pixels[i] for one in some]) for i in range(3)]
+    nothing, found = np.zeros_like(errors), {}
+    for when, sigma, of_pixels in zip(("before", "after"), deviations, pixels[1:], strict=True):
+        for measure in (coverage_1s, coverage_2s, rank_correlation):
+            found[f"{measure.__name__}_{when}"] = measure(errors, nothing, sigma)
+        found[f"rank_of_pixels_{when}"] = rank_correlation(pixels[0], np.zeros_like(pixels[0]), of_pixels)
+    normal = np.random.default_rng(0).standard_normal(len(errors)) * deviations[1]
+    return {**found, "rank_of_normal": rank_correlation(normal, nothing, deviations[1])}
+
+
+def draw(some: Mapping[tuple[str, ...], Sequence[Judged]], out: Path) -> None:
+    """Actual error over predicted error of every camera and decoder, all scenes together."""
+    from tmca.plots.style import panels, plain_axes, save_figure
+
+    figure, axes = panels(len(some), 3.2, 3.2)
+    for axis, ((kind, decoder, camera, _), parts) in zip(np.ravel(axes), some.items(), strict=True):
+        errors, *deviations = (np.concatenate([one.values[i] for one in parts]) for i in range(3))
+        unit = " (m)" if kind == "spectral-depth" else ""
+        plain_axes(axis, f"{kind}, {decoder}\n{camera}", f"deviation{unit}", f"root mean square error{unit}")
+        for sigma, label in zip(deviations, ("as predicted", "calibrated"), strict=True):
+            axis.loglog(*binned(sigma, errors), "o-", ms=3, label=label)
+        ends = [np.quantile(deviations[1], share) for share in (0.001, 0.999)]
+        axis.loglog(ends, ends, "k:", lw=1)
+    np.ravel(axes)[0].legend(fontsize=7)
+    save_figure(figure, out, overwrite=True)
+
+
+def binned(sigma: Array, errors: Array) -> tuple[Array, Array]:
+    """Mean deviation and root mean square error of bins of as many values each, by deviation."""
+    order = np.array_split(np.argsort(sigma), min(BINS, max(1, len(sigma) // FEWEST)))
+    return np.array([sigma[i].mean() for i in order]), np.array([np.sqrt(np.mean(errors[i] ** 2)) for i in order])
+
+
+def page(pooled: Sequence[Mapping[str, Any]], rows: Sequence[Mapping[str, Any]]) -> str:
+    """The page, in Markdown."""
+    fitted = {kind: calibrations()[KINDS[kind].decoders[0], kind].scenes for kind in KINDS}
+    said = "; ".join(f"{kind} {', '.join(scenes)}" for kind, scenes in fitted.items())
+    text = HEAD.format(commit=repository_commit(), fitted=said, learned=", ".join(LEARNED))
+    names = [Column("kind", "camera"), Column("camera", "codes"), Column("decoder"), Column("prior")]
+    text += table(pooled, [*names, *COLUMNS], "–") + "\n## Scene by scene\n"
+    for kind in KINDS:
+        some = [row for row in rows if row["kind"] == kind]
+        if some:
+            text += f"\n### {kind}\n\n" + table(some, [*names[1:], Column("scene"), *COLUMNS], "–")
+    return text
+
+
+def main() -> None:
+    """Measure all kinds, or one."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--only", choices=KINDS)
+    parser.add_argument("--out", type=Path, default=Path("docs/results/uncertainty.json"))
+    how = parser.parse_args()
+    torch.set_num_threads(1)
+    groups, rows = dict[tuple[str, ...], list[Judged]](), list[dict[str, Any]]()
+    for kind in [how.only] if how.only else KINDS:
+        for case in cases(kind, how.data, measured=True):
+            group = {name: getattr(case, name) for name in GROUP}
+            groups.setdefault(tuple(group.values()), []).append(judged(case))
+            rows.append({**group, "scene": case.scene, **figures([groups[tuple(group.values())][-1]])})
+            print(rows[-1], flush=True)
+    pooled = [{**dict(zip(GROUP, names, strict=True)), **figures(some)} for names, some in groups.items()]
+    write_results({"pooled": pooled, "rows": rows}, page(pooled, rows), how.out, True)
+    first = {names: some for names, some in groups.items() if "left out" not in names[2] and names[3] == "rendered"}
+    draw(first, how.out.with_suffix(".png"))
+
+
+if __name__ == "__main__":
+    main()
