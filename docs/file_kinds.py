@@ -29,7 +29,7 @@ ATTRIBUTES: Meanings = {
     "image_formation": "how depths add up on the sensor",
     "decoder": "name of the decoder",
     "prior": "the prior that was used",
-    "deviation_calibration": "scenes on which the deviation was calibrated; without it, it is as the decoder predicts it",
+    "deviation_calibration": "scenes on which the deviation was calibrated; without it, it is as predicted",
     "seconds": "wall time",
     "depth_planes": "nearest and farthest plane in metres, and their number",
     "focal_px": "distance from the aperture to the sensor, pixels",

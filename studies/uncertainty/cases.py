@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
 from torch import Tensor
 
 import tmca
 from tmca.applications import application_of
 from tmca.applications.spectral_depth import reading_range
 from tmca.data import read_split
-from tmca.data.depth_scenes import load_any_depth_scene, middle_of
+from tmca.data.depth_scenes import load_any_depth_scene
+from tmca.data.fitting import middle_of, select_bands
 from tmca.decoders import make_decoder
-from tmca.decoders.certainty import inverse_deviation
-from tmca.priors import learn_prior
+from tmca.priors import block_of, learn_prior
 
+BANDS, SIZE = 12, (256, 256)
 TILED = {"aperture": "random", "period": 32}
 STATIC = {"slots": 1, "aperture": "static", "shutter": "open", "period": 32}
 SHOT = tmca.Sensor(full_well=10_000, read_noise_electrons=3)
@@ -49,7 +50,7 @@ class Kind:
 
     Args:
         decoders: names.
-        size: of the frames; of a smaller scene its own.
+        size, cut: of the frames that are measured, and of those of the fit; of a smaller scene its own.
         fitted: cameras by name, for the fit, each with a seed of its own.
         measured: the camera of the issue's figures, and one unlike those of the fit.
         scenes: for the fit; none of them is learned from, nor measured.
@@ -58,6 +59,7 @@ class Kind:
 
     decoders: tuple[str, ...]
     size: tuple[int, int]
+    cut: tuple[int, int]
     fitted: Mapping[str, dict[str, Any]]
     measured: Mapping[str, dict[str, Any]]
     scenes: tuple[str, ...]
@@ -67,17 +69,13 @@ class Kind:
 KINDS = {
     "spectral": Kind(
         ("lmmse", "lmmse-adapted", "mixture"),
-        (256, 256),
+        SIZE,
+        (160, 192),
         {
             "static, σ = 0.001": {**STATIC, "sensor": sensor(0.001)},
-            "static, σ = 0.01": {**STATIC, "sensor": sensor(0.01)},
             "K = 2, σ = 0.03": random(2, sensor(0.03)),
-            "K = 4 one-hot, σ = 0.003": random(4, sensor(0.003), shutter="one-hot"),
-            "K = 8, σ = 0.001": random(8, sensor(0.001)),
             "K = 8, σ = 0.01": random(8, sensor(0.01)),
-            "K = 8, 10 000 e⁻, 3 e⁻": random(8, SHOT),
             "two buckets, K = 4, σ = 0.003": balanced(4, sensor(0.003)),
-            "two buckets, K = 8, σ = 0.03": balanced(8, sensor(0.03)),
         },
         {
             "K = 8, σ = 0.01": random(8, sensor(0.01), seed=100),
@@ -88,6 +86,7 @@ KINDS = {
     ),
     "light-field": Kind(
         ("lmmse",),
+        (192, 256),
         (192, 256),
         {
             "static, σ = 0.001": {"slots": 1, "shutter": "open", "sensor": sensor(0.001)},
@@ -106,6 +105,7 @@ KINDS = {
     ),
     "spectral-depth": Kind(
         ("likelihood",),
+        (96, 128),
         (96, 128),
         {
             "one mask, σ = 0.002": masks(1, sensor(0.002)),
@@ -126,11 +126,10 @@ KINDS = {
 
 @dataclass(frozen=True)
 class Case:
-    """An estimate, its predicted deviation and its absolute errors: light (1, …, H, W), or inverse depth (1, 1, H, W).
+    """An estimate, its predicted deviation and its absolute errors: light (1, …, H, W), or depth (1, 1, H, W), metres.
 
     Args:
         prior: what it was learned from, in a word.
-        scale: from these units to those of the estimate: for inverse depth, the squared estimate.
         known: where the truth is known.
     """
 
@@ -142,7 +141,6 @@ class Case:
     values: Tensor
     deviation: Tensor
     errors: Tensor
-    scale: Tensor
     known: Tensor
 
 
@@ -153,6 +151,12 @@ def scenes_of(names: Sequence[str], data: Path) -> list[str]:
     return [str(scene) for some in found for scene in some]
 
 
+def called(scene: str) -> str:
+    """A scene in short: of a file its name and its folder's."""
+    path = Path(scene)
+    return "/".join(path.with_suffix("").parts[-2:]) if path.exists() else scene
+
+
 def cases(kind: str, data: Path, *, measured: bool = False, decoders: Sequence[str] = ()) -> Iterator[Case]:
     """All of a kind, for the fit or the measurement."""
     what = KINDS[kind]
@@ -160,72 +164,74 @@ def cases(kind: str, data: Path, *, measured: bool = False, decoders: Sequence[s
     for seed, (name, settings) in enumerate((what.measured if measured else what.fitted).items()):
         camera_of = {"seed": seed + 1, **settings}
         for decoder in decoders or what.decoders:
-            yield from _of_camera(kind, decoder, name, camera_of, names, data)
+            yield from _of_camera(kind, decoder, name, camera_of, names, data, measured)
 
 
 def _of_camera(
-    kind: str, decoder: str, name: str, settings: Mapping[str, Any], names: Sequence[str], data: Path
+    kind: str, decoder: str, name: str, settings: Mapping[str, Any], names: Sequence[str], data: Path, measured: bool
 ) -> Iterator[Case]:
-    """Of all scenes; those of one size share what is prepared."""
-    size, prepared = KINDS[kind].size, dict[tuple[Any, str], Any]()
+    """Of all scenes under every prior."""
+    what, prepared = KINDS[kind], dict[tuple[Any, ...], Any]()
+    priors = ("rendered",) if kind != "spectral" or "left out" in name else ("rendered", "CAVE")
     for scene in names:
-        labelled = read(kind, scene, size)
+        labelled = read(kind, scene, what.size if measured else what.cut, measured=measured)
         shape = (labelled.sizes["y"], labelled.sizes["x"])
-        camera = camera_at(kind, shape, settings)
-        for prior in ("rendered", "CAVE") if kind == "spectral" else ("rendered",):
+        camera = camera_at(kind, shape, settings, labelled)
+        for prior in priors:
             if (shape, prior) not in prepared:
-                prepared[shape, prior] = prepare(camera, decoder, prior, data)
-            one = prepared[shape, prior]
-            yield _case((kind, decoder, name, prior, Path(scene).stem), one, labelled)
+                prepared[shape, prior] = decoding(camera, decoder, prior, data)
+            about = {"kind": kind, "decoder": decoder, "camera": name, "prior": prior, "scene": called(scene)}
+            yield _case(about, prepared[shape, prior], camera, labelled)
 
 
-def read(kind: str, scene: str, size: tuple[int, int]) -> Any:
-    """A scene, cut to no more than a size."""
+def read(kind: str, scene: str, size: tuple[int, int], *, measured: bool = False) -> Any:
+    """A scene, cut to no more than a size; spectra that are made up are of other materials where it is measured."""
     if kind == "spectral":
-        return tmca.read(scene)
+        cube: Any = tmca.read(scene)
+        return middle_of(select_bands(cube, BANDS), size, scene)
     if kind == "light-field":
         files = {"scale": 2} if Path(scene).exists() else {}
-        views = tmca.read(scene, kind="light-field", **files)
+        views: Any = tmca.read(scene, kind="light-field", **files)
         rows, columns = (min(there, most) for there, most in zip(views.shape[-2:], size, strict=True))
         return middle_of(views, (rows, columns), scene)
     camera = tmca.SpectralDepthCamera.from_preset("quick", size=size)
-    known = load_any_depth_scene(scene, **reading_range(camera), side=256, placed="random", from_rgb=True)
+    how: dict[str, Any] = {"side": 256, "placed": "random", "from_rgb": True, **reading_range(camera)}
+    known = load_any_depth_scene(scene, **how, materials="test" if measured else "train")
     return middle_of(known, size, scene)
 
 
-def camera_at(kind: str, size: tuple[int, int], settings: Mapping[str, Any]) -> Any:
+def camera_at(kind: str, size: tuple[int, int], settings: Mapping[str, Any], scene: Any) -> Any:
     if kind == "spectral":
-        return tmca.SpectralCamera(12, size, **settings)
+        return tmca.SpectralCamera(scene["wavelength"].values.tolist(), size, **settings)
     if kind == "light-field":
         return tmca.LightFieldCamera(5, size, period=16, **settings)
     return tmca.SpectralDepthCamera.from_preset("quick", size=size, **settings)
 
 
-_PRIORS = dict[tuple[str, str], Any]()
+_PRIORS = dict[tuple[Any, ...], Any]()
 
 
-def prepare(camera: Any, decoder: str, prior: str, data: Path) -> Any:
-    """A decoder made ready that gives its deviation as it predicts it."""
+def decoding(camera: Any, decoder: str, prior: str, data: Path) -> Callable[[Any], Any]:
+    """Snapshots to estimates whose deviation is as it is predicted; prepared where that pays for a few of them."""
     how = {"uncertainty": True} if camera.kind != "spectral-depth" else {}
     made = make_decoder(decoder, camera.kind, {**how, "calibrated": False})
     if prior == "rendered":
-        return made.prepare(camera)
+        return made.prepare(camera) if camera.kind == "spectral-depth" else made
     kind = str(made.prior_kind)
-    key = kind, str(camera.buckets)
+    key = kind, block_of(camera, kind)
     if key not in _PRIORS:
-        scenes = [camera.fitted(tmca.read(data / "hsi" / "cave_256" / f"{name}.mat")) for name in LEARNED]
+        scenes = [read("spectral", f"{data}/hsi/cave_256/{name}.mat", SIZE) for name in LEARNED]
         _PRIORS[key] = learn_prior(scenes, camera, kind)
-    return made.prepare(camera, _PRIORS[key])
+    return partial(made, prior=_PRIORS[key])
 
 
-def _case(names: tuple[str, ...], prepared: Any, labelled: Any) -> Case:
-    camera, application = prepared.camera, application_of(prepared.camera)
-    snapshot = tmca.simulate(labelled, camera, seed=3, progress=False)
-    found = prepared(snapshot)
-    light, *depth = application.tensors(application.fitted(application.scene(labelled, camera), camera, names[-1]))
+def _case(about: dict[str, Any], decoded: Callable[[Any], Any], camera: Any, labelled: Any) -> Case:
+    application = application_of(camera)
+    found = decoded(tmca.simulate(labelled, camera, seed=3, progress=False))
+    light, *depth = application.tensors(application.fitted(application.scene(labelled, camera), camera, about["scene"]))
     if not depth:
-        everywhere = torch.ones_like(light)
-        return Case(*names, found.values, found.deviation, (found.values - light).abs(), everywhere, everywhere > 0)
-    scale = found.depth.square()
-    errors, known = (found.depth - depth[0]).abs() / scale, camera.planes.within(depth[0])
-    return Case(*names, 1 / found.depth, inverse_deviation(found), errors, scale, known)
+        errors = (found.values - light).abs()
+        return Case(**about, values=found.values, deviation=found.deviation, errors=errors, known=errors >= 0)
+    errors = (found.depth - depth[0]).abs()
+    known = camera.planes.within(depth[0])
+    return Case(**about, values=found.depth, deviation=found.depth_deviation, errors=errors, known=known)

@@ -22,9 +22,9 @@ from tmca.data import write_text
 from tmca.decoders.certainty import FILE, Features
 
 LIGHT = ("predicted", "activity", "edges", "slope", "brightness")
-NAMES = {"spectral": LIGHT, "light-field": LIGHT, "spectral-depth": ("predicted", "activity", "surroundings")}
+NAMES = {"spectral": LIGHT, "light-field": LIGHT, "spectral-depth": ("predicted",)}
 """Features by kind of camera."""
-VALUES, LEAST, FACTORS = 20_000, 0.02, 200
+VALUES, LEAST, FACTORS = 5_000, 0.02, 200
 """Values that are taken of a case; the least coefficient of the predicted deviation; factors that are tried."""
 _TINY = 1e-9
 
@@ -43,7 +43,7 @@ def fitted(samples: Sequence[tuple[Tensor, Tensor]], names: Sequence[str]) -> di
     features, errors = (torch.cat(parts) for parts in zip(*samples, strict=True))
     typical = features.mean(0).clamp_min(_TINY)
     logs = torch.full((len(names),), -2.0, dtype=torch.double, requires_grad=True)
-    search = torch.optim.LBFGS([logs], max_iter=200, line_search_fn="strong_wolfe")
+    search = torch.optim.LBFGS([logs], max_iter=60, line_search_fn="strong_wolfe")
     least = torch.tensor([LEAST if name == "predicted" else 0.0 for name in names], dtype=torch.double)
 
     def coefficients() -> Tensor:
@@ -78,13 +78,13 @@ def factor(ratios: Tensor, shares: Tensor) -> float:
 
 def calibration(kind: str, decoder: str, some: Iterable[Case]) -> dict[str, Any]:
     """An entry of the file."""
-    names, samples, scenes = NAMES[kind], [], dict[str, None]()
+    samples, scenes = list[tuple[Tensor, Tensor]](), dict[str, None]()
     for case in some:
-        samples.append(sampled(case, names))
+        samples.append(sampled(case, NAMES[kind]))
         scenes[case.scene] = None
         print(kind, decoder, case.camera, case.prior, case.scene, flush=True)
-    found = {"decoder": decoder, "camera": kind, "coefficients": fitted(samples, names), "scenes": [*scenes]}
-    return {**found, "cameras": [*KINDS[kind].fitted]}
+    found = {"decoder": decoder, "camera": kind, "coefficients": fitted(samples, NAMES[kind])}
+    return {**found, "scenes": [*scenes], "cameras": [*KINDS[kind].fitted]}
 
 
 def main() -> None:

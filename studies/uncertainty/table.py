@@ -75,10 +75,10 @@ class Judged(NamedTuple):
 
 
 def judged(case: Case) -> Judged:
-    """In the units of the estimate."""
+    """With the calibration that comes with the package."""
     coefficients = calibrations()[case.decoder, case.kind].coefficients
     after = calibrated(case.values, case.deviation, coefficients)
-    parts = [part * case.scale for part in (case.errors, case.deviation, after)]
+    parts = (case.errors, case.deviation, after)
     known = case.known.flatten(1, -3).all(1)
     of_pixels = (part.flatten(1, -3).square().mean(1).sqrt()[known] for part in parts)
     values, pixels = ([_plain(p) for p in some] for some in ((part[case.known] for part in parts), of_pixels))

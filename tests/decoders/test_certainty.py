@@ -13,7 +13,7 @@ from studies.uncertainty.cases import KINDS, Case
 from tests.decoders.conformance import camera_for, prior_for, values_for
 from tmca.cameras import Snapshot
 from tmca.decoders import decode, make_decoder
-from tmca.decoders.certainty import CALIBRATION, FILE, Calibration, Features, calibrated, calibrations
+from tmca.decoders.certainty import CALIBRATION, FILE, Certainty, Features, calibrated, calibrations
 from tmca.metrics import certainty
 
 NAMES = fit.LIGHT
@@ -31,7 +31,7 @@ def uneven(seed, size=64):
     sigma = 0.01 + 0.2 * Features(values, values).activity
     errors = (sigma * torch.from_numpy(draw.standard_normal(sigma.shape))).abs()
     ones = torch.ones_like(values)
-    return Case("spectral", "lmmse", "", "", f"{seed}", values, 0.05 * ones, errors, ones, ones > 0)
+    return Case("spectral", "lmmse", "", "", f"{seed}", values, 0.05 * ones, errors, ones > 0)
 
 
 @pytest.mark.parametrize("side", [3, 5, 17])
@@ -92,7 +92,7 @@ def test_a_calibration_brings_uneven_errors_within_their_deviations():
 def test_the_file_is_what_the_recipe_writes():
     for entry in json.loads(FILE.read_text()):
         kind = KINDS[entry["camera"]]
-        assert set(entry) == set(Calibration.model_fields)
+        assert set(entry) == set(Certainty.model_fields)
         assert tuple(entry["coefficients"]) == fit.NAMES[entry["camera"]]
         assert entry["coefficients"]["predicted"] > 0
         assert entry["cameras"] == [*kind.fitted]
@@ -129,8 +129,8 @@ def test_depth_has_its_deviation_in_metres_and_evaluate_holds_it_against_the_tru
     found, plain = decode(taken, "likelihood", prior=prior), decode(taken, "likelihood", prior=prior, calibrated=False)
     assert found.depth_deviation.shape == found.depth.shape == (1, 1, *camera.size)
     assert (found.depth_deviation > 0).all()
-    known, square = calibrations()["likelihood", "spectral-depth"], plain.depth.square()
-    expected = square * calibrated(1 / plain.depth, plain.depth_deviation / square, known.coefficients)
+    known = calibrations()["likelihood", "spectral-depth"]
+    expected = calibrated(plain.depth, plain.depth_deviation, known.coefficients)
     torch.testing.assert_close(found.depth_deviation, expected)
     depth = xr.DataArray(np.full(camera.size, float(camera.planes.metres[1]), np.float32), dims=("y", "x"))
     truth = xr.Dataset({"radiance": found.to_xarray()["radiance"], "depth": depth})

@@ -30,7 +30,7 @@ _NEAR, _AROUND, _FAR = 3, 5, 17
 """Sides of the windows of features, pixels."""
 
 
-class Calibration(Attributes):
+class Certainty(Attributes):
     """How the deviation of a decoder's estimates is calibrated.
 
     Args:
@@ -48,9 +48,9 @@ class Calibration(Attributes):
 
 
 @cache
-def calibrations(file: Path = FILE) -> Mapping[tuple[str, str], Calibration]:
+def calibrations(file: Path = FILE) -> Mapping[tuple[str, str], Certainty]:
     """Those of a file, by decoder and kind of camera."""
-    known = TypeAdapter(list[Calibration]).validate_json(file.read_text())
+    known = TypeAdapter(list[Certainty]).validate_json(file.read_text())
     return {(one.decoder, one.camera): one for one in known}
 
 
@@ -62,28 +62,20 @@ def calibrate(estimate: Estimate) -> None:
     if estimate.deviation is not None:
         estimate.deviation = calibrated(estimate.values, estimate.deviation, known.coefficients)
     elif estimate.depth is not None and estimate.depth_deviation is not None:
-        place = 1 / estimate.depth
-        inverse = calibrated(place, inverse_deviation(estimate), known.coefficients)
-        estimate.depth_deviation = (inverse / place.square()).nan_to_num(nan=float("inf"))
+        apart = calibrated(estimate.depth, estimate.depth_deviation, known.coefficients)
+        estimate.depth_deviation = apart.nan_to_num(nan=float("inf"))  # beside an infinite depth
     else:
         return
     estimate.notes[CALIBRATION] = ", ".join(known.scenes)
-
-
-def inverse_deviation(estimate: Estimate) -> Tensor:
-    """(B, 1, H, W) deviation of the inverse depth of an estimate, 1/m; 0 at an infinite one."""
-    assert estimate.depth is not None
-    assert estimate.depth_deviation is not None
-    return (estimate.depth_deviation / estimate.depth.square()).nan_to_num()
 
 
 def calibrated(values: Tensor, deviation: Tensor, coefficients: Mapping[str, float]) -> Tensor:
     """The calibrated deviation of estimates.
 
     Args:
-        values: (B, …, H, W) estimates, of light (bands or views before rows and columns) or inverse depth.
+        values: (B, …, H, W) estimates, of light (bands or views before rows and columns) or depth.
         deviation: predicted, of the same shape.
-        coefficients: see `Calibration`.
+        coefficients: see `Certainty`.
     """
     features, total = Features(values, deviation), torch.zeros_like(deviation)
     for name, coefficient in coefficients.items():

@@ -51,7 +51,7 @@ class DepthPosterior:
 
     Args:
         metres: (B, 1, H, W) median of depth, the estimate of least expected absolute error.
-        deviation: (B, 1, H, W) metres, root mean square distance from it in inverse depth, brought to metres there.
+        deviation: (B, 1, H, W) metres, root mean square distance from it.
         plane: (B, 1, H, W) index of the plane that is in its bin.
         confidence: (B, 1, H, W) probability of that plane and its neighbours.
         shares: (B, D, H, W) probability of every plane.
@@ -76,9 +76,11 @@ class DepthPosterior:
         here = shares.gather(1, plane)
         into = 1 - (total.gather(1, plane) - 0.5) / here  # share of the bin that is farther than the median
         place = (inverse[plane] + (into.clamp(0, 1) - 0.5) * planes.step).clamp(float(inverse[0]), float(inverse[-1]))
-        apart = (shares * (inverse[:, None, None] - place).square()).sum(1, keepdim=True) + planes.step**2 / 12
+        # Of a plane at infinity the middle of its bin, in inverse depth.
+        metres = 1 / inverse.clamp_min(planes.step / 4)[:, None, None]
+        apart = (shares * ((metres - 1 / place).square() + (metres.square() * planes.step).square() / 12)).sum(1, True)
         around = (torch.arange(planes.count, device=plane.device)[:, None, None] - plane).abs() <= 1
-        return cls(1 / place, apart.sqrt() / place**2, plane, (shares * around).sum(1, keepdim=True), shares)
+        return cls(1 / place, apart.sqrt(), plane, (shares * around).sum(1, keepdim=True), shares)
 
 
 @dataclass
