@@ -21,7 +21,7 @@ from studies.uncertainty.cases import KINDS, Case, cases
 from tmca.data import write_text
 from tmca.decoders.certainty import FILE, Features
 
-LIGHT = ("predicted", "activity", "edges", "slope", "brightness")
+LIGHT = ("predicted", "activity", "edges", "slope")
 NAMES = {"spectral": LIGHT, "light-field": LIGHT, "spectral-depth": ("predicted",)}
 """Features by kind of camera."""
 VALUES, LEAST, FACTORS = 5_000, 0.02, 200
@@ -59,7 +59,7 @@ def fitted(samples: Sequence[tuple[Tensor, Tensor]], names: Sequence[str]) -> di
     search.step(loss)
     found = coefficients().detach()
     found = found * factor((errors / (features @ found + _TINY)), shares / len(samples))
-    return {name: float(f"{value:.4g}") for name, value in zip(names, found.tolist(), strict=True)}
+    return {name: round(value, 4) for name, value in zip(names, found.tolist(), strict=True)}
 
 
 def factor(ratios: Tensor, shares: Tensor) -> float:
@@ -78,13 +78,13 @@ def factor(ratios: Tensor, shares: Tensor) -> float:
 
 def calibration(kind: str, decoder: str, some: Iterable[Case]) -> dict[str, Any]:
     """An entry of the file."""
-    samples, scenes = list[tuple[Tensor, Tensor]](), dict[str, None]()
+    samples, scenes, cameras = list[tuple[Tensor, Tensor]](), dict[str, None](), dict[str, None]()
     for case in some:
         samples.append(sampled(case, NAMES[kind]))
-        scenes[case.scene] = None
+        scenes[case.scene] = cameras[case.camera] = None
         print(kind, decoder, case.camera, case.prior, case.scene, flush=True)
     found = {"decoder": decoder, "camera": kind, "coefficients": fitted(samples, NAMES[kind])}
-    return {**found, "scenes": [*scenes], "cameras": [*KINDS[kind].fitted]}
+    return {**found, "scenes": [*scenes], "cameras": [*cameras]}
 
 
 def main() -> None:

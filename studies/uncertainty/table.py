@@ -25,8 +25,8 @@ from tmca.evaluation.tables import repository_commit
 from tmca.metrics import coverage_1s, coverage_2s, rank_correlation
 
 Array = NDArray[np.float64]
-MOST, BINS, FEWEST = 400_000, 16, 200
-"""Values of a scene whose ranks are compared; bins of the picture, and values in the smallest."""
+MOST, BINS, FEWEST = 100_000, 16, 200
+"""Values of a scene that count; bins of the picture, and values in the smallest."""
 GROUP = ("kind", "decoder", "camera", "prior")
 COLUMNS = [
     *(
@@ -108,7 +108,7 @@ def draw(some: Mapping[tuple[str, ...], Sequence[Judged]], out: Path) -> None:
     from tmca.plots.style import panels, plain_axes, save_figure
 
     figure, axes = panels(len(some), 3.2, 3.2)
-    for axis, ((kind, decoder, camera, _), parts) in zip(np.ravel(axes), some.items(), strict=True):
+    for axis, ((kind, decoder, camera), parts) in zip(np.ravel(axes), some.items(), strict=True):
         errors, *deviations = (np.concatenate([one.values[i] for one in parts]) for i in range(3))
         unit = " (m)" if kind == "spectral-depth" else ""
         plain_axes(axis, f"{kind}, {decoder}\n{camera}", f"deviation{unit}", f"root mean square error{unit}")
@@ -149,16 +149,22 @@ def main() -> None:
     how = parser.parse_args()
     torch.set_num_threads(1)
     groups, rows = dict[tuple[str, ...], list[Judged]](), list[dict[str, Any]]()
-    for kind in [how.only] if how.only else KINDS:
+    for kind in [how.only] if how.only else reversed(KINDS):
         for case in cases(kind, how.data, measured=True):
             group = {name: getattr(case, name) for name in GROUP}
             groups.setdefault(tuple(group.values()), []).append(judged(case))
             rows.append({**group, "scene": case.scene, **figures([groups[tuple(group.values())][-1]])})
             print(rows[-1], flush=True)
+        write(groups, rows, how.out)
+
+
+def write(groups: Mapping[tuple[str, ...], Sequence[Judged]], rows: Sequence[Mapping[str, Any]], out: Path) -> None:
+    """Figures of what was measured so far, their page and its picture."""
+    groups = dict(sorted(groups.items(), key=lambda item: [*KINDS].index(item[0][0])))
     pooled = [{**dict(zip(GROUP, names, strict=True)), **figures(some)} for names, some in groups.items()]
-    write_results({"pooled": pooled, "rows": rows}, page(pooled, rows), how.out, True)
-    first = {names: some for names, some in groups.items() if "left out" not in names[2] and names[3] == "rendered"}
-    draw(first, how.out.with_suffix(".png"))
+    write_results({"pooled": pooled, "rows": rows}, page(pooled, rows), out, True)
+    first = {names[:3]: some for names, some in groups.items() if "left out" not in names[2]}
+    draw(first, out.with_suffix(".png"))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Standard deviations that follow the scene: what decoders predict, brought to the errors of scenes that are known.
 
 Under one Gaussian prior the predicted deviation is the same for every scene. Errors are not: they are large at edges,
-where spectra are steep, and in the light. All of this an estimate shows itself. The calibrated deviation is a sum of
+in textures, and where spectra are steep. All of this an estimate shows itself. The calibrated deviation is a sum of
 the predicted one and of such features, each with a coefficient that was fitted on scenes from which nothing was learned
 (``studies/uncertainty``). Coefficients are not negative and features scale with the scene: so does their sum.
 """
@@ -26,7 +26,7 @@ FILE = Path(tmca.__file__).parent / "weights" / "certainty.json"
 """All calibrations that come with the package."""
 CALIBRATION = "deviation_calibration"
 """Note of an estimate: the scenes that its deviation was calibrated on."""
-_NEAR, _AROUND, _FAR = 3, 5, 17
+_NEAR, _AROUND = 3, 5
 """Sides of the windows of features, pixels."""
 
 
@@ -35,7 +35,7 @@ class Certainty(Attributes):
 
     Args:
         decoder, camera: name and kind.
-        coefficients: of `FEATURES` by name; that of ``predicted`` keeps the deviation above zero.
+        coefficients: of `Features` by name; that of ``predicted`` keeps the deviation above zero.
         scenes: that it was fitted on.
         cameras: that took them, each in a few words.
     """
@@ -79,7 +79,8 @@ def calibrated(values: Tensor, deviation: Tensor, coefficients: Mapping[str, flo
     """
     features, total = Features(values, deviation), torch.zeros_like(deviation)
     for name, coefficient in coefficients.items():
-        total += coefficient * getattr(features, name)
+        if coefficient:
+            total.add_(getattr(features, name), alpha=coefficient)
     return total
 
 
@@ -95,19 +96,13 @@ class Features:
         self._channels = tuple(range(1, values.ndim - 2))
 
     @cached_property
-    def brightness(self) -> Tensor:
-        """The mean around."""
+    def _smooth(self) -> Tensor:
         return _mean(self.values, _AROUND)
 
     @property
     def activity(self) -> Tensor:
         """The spread around."""
-        return _spread(self.values, self.brightness, _AROUND)
-
-    @property
-    def surroundings(self) -> Tensor:
-        """The spread farther around."""
-        return _spread(self.values, _mean(self.values, _FAR), _FAR)
+        return _spread(self.values, self._smooth, _AROUND)
 
     @property
     def edges(self) -> Tensor:
@@ -118,7 +113,7 @@ class Features:
     @property
     def slope(self) -> Tensor:
         """Difference of the band before and the one after; of views the larger one of both axes."""
-        smooth, slope = self.brightness, torch.zeros_like(self.values)
+        smooth, slope = self._smooth, torch.zeros_like(self.values)
         for axis in self._channels:
             last = smooth.shape[axis] - 1
             for index in range(last + 1):
