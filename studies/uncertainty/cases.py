@@ -167,7 +167,7 @@ def cases(kind: str, data: Path, *, measured: bool = False, decoders: Sequence[s
     for seed, (name, settings) in enumerate((what.measured if measured else what.fitted).items()):
         camera_of = {"seed": seed + 1, **settings}
         for decoder in decoders or what.decoders:
-            if decoder in _SLOW and "left out" in name or decoder == "mixture" and settings.get("buckets") == 2:
+            if (decoder in _SLOW and "left out" in name) or (decoder == "mixture" and settings.get("buckets") == 2):
                 continue
             yield from _of_camera(kind, decoder, name, camera_of, names, data, measured)
 

@@ -9,6 +9,7 @@ picture ``uncertainty.png``.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +26,8 @@ from tmca.evaluation.tables import repository_commit
 from tmca.metrics import coverage_1s, coverage_2s, rank_correlation
 
 Array = NDArray[np.float64]
+DRAWN = {("CAVE", "K = 8, σ = 0.01"), ("rendered", "K = 8, σ = 0.01"), ("rendered", "K = 4, σ = 0.002")}
+"""Priors and cameras in the picture."""
 MOST, BINS, FEWEST = 100_000, 16, 200
 """Values of a scene that count; bins of the picture, and values in the smallest."""
 GROUP = ("kind", "decoder", "camera", "prior")
@@ -39,7 +42,7 @@ COLUMNS = [
         )
         for when in ("before", "after")
     ),
-    Column("rank_of_normal", "best rank", ".2f"),
+    Column("rank_of_normal", "rank if normal", ".2f"),
 ]
 HEAD = """# How sure decoders are
 
@@ -53,8 +56,8 @@ Made by `python -m studies.uncertainty.table DATA` at commit `{commit}`; the cal
 - **1σ, 2σ**: share of true values within one and two standard deviations; 68 and 95 % are right.
 - **rank**: rank correlation (Spearman) of deviation and absolute error, value by value.
 - **rank of pixels**: the same of root mean squares over the bands or views of a pixel.
-- **best rank**: what *rank* would be if errors were normal with exactly the calibrated deviation: single errors are
-  small by chance even where they are expected to be large.
+- **rank if normal**: what *rank* would be if errors were normal with exactly the calibrated deviation: single errors
+  are small by chance even where large ones are expected.
 - **before, after**: as predicted, and calibrated.
 - **prior**: of the rendered scenes, or of six scenes of `cave_train` ({learned}).
 
@@ -103,27 +106,33 @@ def figures(some: Sequence[Judged]) -> dict[str, float]:
     return {**found, "rank_of_normal": rank_correlation(normal, nothing, deviations[1])}
 
 
-def draw(some: Mapping[tuple[str, ...], Sequence[Judged]], out: Path) -> None:
-    """Actual error over predicted error of every camera and decoder, all scenes together."""
-    from tmca.plots.style import panels, plain_axes, save_figure
-
-    figure, axes = panels(len(some), 3.2, 3.2)
-    for axis, ((kind, decoder, camera), parts) in zip(np.ravel(axes), some.items(), strict=True):
-        errors, *deviations = (np.concatenate([one.values[i] for one in parts]) for i in range(3))
-        unit = " (m)" if kind == "spectral-depth" else ""
-        plain_axes(axis, f"{kind}, {decoder}\n{camera}", f"deviation{unit}", f"root mean square error{unit}")
-        for sigma, label in zip(deviations, ("as predicted", "calibrated"), strict=True):
-            axis.loglog(*binned(sigma, errors), "o-", ms=3, label=label)
-        ends = [np.quantile(deviations[1], share) for share in (0.001, 0.999)]
-        axis.loglog(ends, ends, "k:", lw=1)
-    np.ravel(axes)[0].legend(fontsize=7)
-    save_figure(figure, out, overwrite=True)
+def curves(some: Sequence[Judged]) -> dict[str, list[list[float]]]:
+    """Mean deviation and root mean square error of bins of as many values each, by deviation, before and after."""
+    errors, *deviations = (np.concatenate([one.values[i] for one in some]) for i in range(3))
+    return {f"curve_{when}": binned(sigma, errors) for when, sigma in zip(("before", "after"), deviations, strict=True)}
 
 
-def binned(sigma: Array, errors: Array) -> tuple[Array, Array]:
-    """Mean deviation and root mean square error of bins of as many values each, by deviation."""
+def binned(sigma: Array, errors: Array) -> list[list[float]]:
+    """One of them."""
     order = np.array_split(np.argsort(sigma), min(BINS, max(1, len(sigma) // FEWEST)))
-    return np.array([sigma[i].mean() for i in order]), np.array([np.sqrt(np.mean(errors[i] ** 2)) for i in order])
+    means = ([np.mean(sigma[i]) for i in order], [np.sqrt(np.mean(errors[i] ** 2)) for i in order])
+    return [[float(value) for value in some] for some in means]
+
+
+def draw(pooled: Sequence[Mapping[str, Any]], out: Path) -> None:
+    """Actual error over predicted error of every decoder, all scenes together."""
+    from tmca.plots.style import grid, plain_axes, save_figure
+
+    figure, axes = grid(2, (len(pooled) + 1) // 2, 3.0, 0.9)
+    for axis, row in zip(axes.flat, pooled, strict=False):
+        unit = " (m)" if row["kind"] == "spectral-depth" else ""
+        plain_axes(axis, f"{row['kind']}, {row['decoder']}", f"deviation{unit}", f"root mean square error{unit}")
+        for when, label in (("before", "as predicted"), ("after", "calibrated")):
+            axis.loglog(*row[f"curve_{when}"], "o-", ms=3, label=label)
+        ends = row["curve_after"][0][0], row["curve_after"][0][-1]
+        axis.loglog(ends, ends, "k:", lw=1)
+    axes.flat[0].legend(fontsize=7)
+    save_figure(figure, out, overwrite=True)
 
 
 def page(pooled: Sequence[Mapping[str, Any]], rows: Sequence[Mapping[str, Any]]) -> str:
@@ -141,30 +150,33 @@ def page(pooled: Sequence[Mapping[str, Any]], rows: Sequence[Mapping[str, Any]])
 
 
 def main() -> None:
-    """Measure all kinds, or one."""
+    """Measure all kinds of camera, or one anew."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", choices=KINDS)
     parser.add_argument("--out", type=Path, default=Path("docs/results/uncertainty.json"))
     how = parser.parse_args()
     torch.set_num_threads(1)
+    known = json.loads(how.out.read_text()) if how.only and how.out.exists() else {"pooled": [], "rows": []}
+    for kind in [how.only] if how.only else KINDS:
+        found = measured(kind, how.data)
+        known = {name: [*(row for row in known[name] if row["kind"] != kind), *found[name]] for name in known}
+        for some in known.values():
+            some.sort(key=lambda row: [*KINDS].index(row["kind"]))
+        write_results(known, page(known["pooled"], known["rows"]), how.out, True)
+        draw([row for row in known["pooled"] if (row["prior"], row["camera"]) in DRAWN], how.out.with_suffix(".png"))
+
+
+def measured(kind: str, data: Path) -> dict[str, list[dict[str, Any]]]:
+    """Rows of all cases of a kind, and of those of one camera, decoder and prior together."""
     groups, rows = dict[tuple[str, ...], list[Judged]](), list[dict[str, Any]]()
-    for kind in [how.only] if how.only else reversed(KINDS):
-        for case in cases(kind, how.data, measured=True):
-            group = {name: getattr(case, name) for name in GROUP}
-            groups.setdefault(tuple(group.values()), []).append(judged(case))
-            rows.append({**group, "scene": case.scene, **figures([groups[tuple(group.values())][-1]])})
-            print(rows[-1], flush=True)
-        write(groups, rows, how.out)
-
-
-def write(groups: Mapping[tuple[str, ...], Sequence[Judged]], rows: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Figures of what was measured so far, their page and its picture."""
-    groups = dict(sorted(groups.items(), key=lambda item: [*KINDS].index(item[0][0])))
-    pooled = [{**dict(zip(GROUP, names, strict=True)), **figures(some)} for names, some in groups.items()]
-    write_results({"pooled": pooled, "rows": rows}, page(pooled, rows), out, True)
-    first = {names[:3]: some for names, some in groups.items() if "left out" not in names[2]}
-    draw(first, out.with_suffix(".png"))
+    for case in cases(kind, data, measured=True):
+        group = {name: getattr(case, name) for name in GROUP}
+        groups.setdefault(tuple(group.values()), []).append(judged(case))
+        rows.append({**group, "scene": case.scene, **figures([groups[tuple(group.values())][-1]])})
+        print(rows[-1], flush=True)
+    named = ((dict(zip(GROUP, names, strict=True)), some) for names, some in groups.items())
+    return {"pooled": [{**group, **figures(some), **curves(some)} for group, some in named], "rows": rows}
 
 
 if __name__ == "__main__":
