@@ -68,6 +68,19 @@ In the picture values are sorted by their deviation into bins of as many each; o
 ## All scenes together
 
 """
+FINDINGS = """
+- **The mixture and the adapted LMMSE** are within 68 ± 4 % and 95 ± 2 % over all scenes, and ranks are above 0.5.
+  Before, 84 and 90 % of the values were within 1σ.
+- **Under one Gaussian** single values stay below 0.5: at σ = 0.01 most of their errors come from the noise, which is
+  nearly the same everywhere, and normal errors of such a deviation would hardly do better (*rank if normal*). Which
+  *pixels* err is told well. Under the prior of the rendered scenes, which are less like these, σ is a little too small.
+- **Light fields**: which values err is told, but σ is too large on these scenes. Those of the fit differ by far: within
+  1σ are 60 % of the shop's values, whose disparities are larger than those of the prior's scenes, and 82 % of antinous.
+- **Depth**: its σ is the posterior's in metres, times 0.78. It tells which depths err between scenes more than within
+  them, and is too large behind four masks at low noise. Depth that is smeared over an edge is not foreseen.
+- Noise levels are not all served alike: of the values of the LMMSE's fit 60 % are within 1σ at σ = 0.03, and 85 % with
+  two buckets at 0.003.
+"""
 
 
 class Judged(NamedTuple):
@@ -121,16 +134,23 @@ def binned(sigma: Array, errors: Array) -> list[list[float]]:
 
 def draw(pooled: Sequence[Mapping[str, Any]], out: Path) -> None:
     """Actual error over predicted error of every decoder, all scenes together."""
+    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+
     from tmca.plots.style import grid, plain_axes, save_figure
 
     figure, axes = grid(2, (len(pooled) + 1) // 2, 3.0, 0.9)
     for axis, row in zip(axes.flat, pooled, strict=False):
         unit = " (m)" if row["kind"] == "spectral-depth" else ""
-        plain_axes(axis, f"{row['kind']}, {row['decoder']}", f"deviation{unit}", f"root mean square error{unit}")
+        title = f"{row['kind']}, {row['decoder']}\nprior: {row['prior']}"
+        plain_axes(axis, title, f"deviation{unit}", f"root mean square error{unit}")
         for when, label in (("before", "as predicted"), ("after", "calibrated")):
             axis.loglog(*row[f"curve_{when}"], "o-", ms=3, label=label)
         ends = row["curve_after"][0][0], row["curve_after"][0][-1]
         axis.loglog(ends, ends, "k:", lw=1)
+        for side in (axis.xaxis, axis.yaxis):
+            side.set_major_locator(LogLocator(subs=(1, 3)))
+            side.set_minor_locator(NullLocator())
+            side.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.flat[0].legend(fontsize=7)
     save_figure(figure, out, overwrite=True)
 
@@ -141,7 +161,7 @@ def page(pooled: Sequence[Mapping[str, Any]], rows: Sequence[Mapping[str, Any]])
     said = "; ".join(f"{kind} {', '.join(scenes)}" for kind, scenes in fitted.items())
     text = HEAD.format(commit=repository_commit(), fitted=said, learned=", ".join(LEARNED))
     names = [Column("kind", "camera"), Column("camera", "codes"), Column("decoder"), Column("prior")]
-    text += table(pooled, [*names, *COLUMNS], "–") + "\n## Scene by scene\n"
+    text += table(pooled, [*names, *COLUMNS], "–") + FINDINGS + "\n## Scene by scene\n"
     for kind in KINDS:
         some = [row for row in rows if row["kind"] == kind]
         if some:
@@ -154,17 +174,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", choices=KINDS)
+    parser.add_argument("--page", action="store_true", help="write the page of what was measured")
     parser.add_argument("--out", type=Path, default=Path("docs/results/uncertainty.json"))
     how = parser.parse_args()
     torch.set_num_threads(1)
-    known = json.loads(how.out.read_text()) if how.only and how.out.exists() else {"pooled": [], "rows": []}
-    for kind in [how.only] if how.only else KINDS:
+    known = json.loads(how.out.read_text()) if how.out.exists() else {"pooled": [], "rows": []}
+    for kind in [] if how.page else [how.only] if how.only else KINDS:
         found = measured(kind, how.data)
         known = {name: [*(row for row in known[name] if row["kind"] != kind), *found[name]] for name in known}
         for some in known.values():
             some.sort(key=lambda row: [*KINDS].index(row["kind"]))
-        write_results(known, page(known["pooled"], known["rows"]), how.out, True)
-        draw([row for row in known["pooled"] if (row["prior"], row["camera"]) in DRAWN], how.out.with_suffix(".png"))
+    write_results(known, page(known["pooled"], known["rows"]), how.out, True)
+    draw([row for row in known["pooled"] if (row["prior"], row["camera"]) in DRAWN], how.out.with_suffix(".png"))
 
 
 def measured(kind: str, data: Path) -> dict[str, list[dict[str, Any]]]:
