@@ -14,6 +14,7 @@ from tests.decoders.conformance import camera_for, prior_for, values_for
 from tmca.cameras import Snapshot
 from tmca.decoders import decode, make_decoder
 from tmca.decoders.certainty import CALIBRATION, FILE, Certainty, Features, calibrated, calibrations
+from tmca.errors import DataError
 from tmca.metrics import certainty
 
 NAMES = fit.LIGHT
@@ -137,3 +138,6 @@ def test_depth_has_its_deviation_in_metres_and_evaluate_holds_it_against_the_tru
     off = np.abs(found.depth[0, 0].numpy() - depth.values)
     assert metrics["depth_coverage_1s"] == pytest.approx(np.mean(off <= found.depth_deviation[0, 0].numpy()))
     assert metrics == pytest.approx(tmca.evaluate(found, truth), nan_ok=True)
+    stored = found.to_xarray()
+    with pytest.raises(DataError, match="below 0"):
+        tmca.evaluate(stored.assign(depth_deviation=-stored["depth_deviation"]), truth)

@@ -247,14 +247,16 @@ def _measured(application: Application, parts: Mapping[str, np.ndarray], scene: 
 
 
 def _check_deviation(stored: xr.Dataset, where: str) -> None:
-    """Raises DataError for a deviation of every value that can be none."""
-    if "deviation" not in stored or stored["deviation"].dims != _estimated(stored).dims:
-        return
-    deviation = stored["deviation"]
-    if deviation.dtype.kind not in "fiu":
-        raise DataError(where, f"a deviation of {deviation.dtype}", "numbers", REMEDY)
-    if not (np.isfinite(deviation.values) & (deviation.values >= 0)).all():
-        raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
+    """Raises DataError for a deviation of every value, or every depth, that can be none."""
+    depth = stored.get("depth")
+    for name, values in (("deviation", _estimated(stored)), ("depth_deviation", depth)):
+        if name not in stored or values is None or stored[name].dims != values.dims:
+            continue
+        deviation = stored[name]
+        if deviation.dtype.kind not in "fiu":
+            raise DataError(where, f"a deviation of {deviation.dtype}", "numbers", REMEDY)
+        if not (np.isfinite(deviation.values) & (deviation.values >= 0) | np.isinf(values.values)).all():
+            raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
 
 
 def _as_dataset(estimate: Any, truth: Any) -> xr.Dataset:
