@@ -29,6 +29,7 @@ ATTRIBUTES: Meanings = {
     "image_formation": "how depths add up on the sensor",
     "decoder": "name of the decoder",
     "prior": "the prior that was used",
+    "deviation_calibration": "scenes on which the deviation was calibrated; without it, it is as predicted",
     "seconds": "wall time",
     "depth_planes": "nearest and farthest plane in metres, and their number",
     "focal_px": "distance from the aperture to the sensor, pixels",
@@ -229,7 +230,7 @@ KINDS = (
         "Estimate",
         "The scene that a decoder makes of a snapshot. `deviation` is there where it was asked for; a light "
         "field also has disparity, its confidence and a "
-        "picture with everything in focus; a scene with depth has its depth.",
+        "picture with everything in focus; a scene with depth has its depth, and `depth_deviation`.",
         {
             "spectral_estimate.nc": "Spectral camera",
             "light-field_estimate.nc": "Light-field camera",

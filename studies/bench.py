@@ -1,7 +1,11 @@
-"""Calibration, ground truth and import of captures: the one file that knows where they are in ``tmca``."""
+"""Calibration, ground truth, captures, certainty of estimates: the one file that knows where they are in ``tmca``."""
 
 from __future__ import annotations
 
+from tmca.applications.spectral_depth import reading_range
+from tmca.data.depth_scenes import load_any_depth_scene
+from tmca.data.fitting import middle_of, select_bands
+from tmca.decoders.certainty import FILE, Features, calibrated, calibrations
 from tmca.lab.calibration.apply import calibrated_snapshot, measured_sensor
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.displacement import MeasuredDispersion
@@ -29,10 +33,47 @@ from tmca.optics.zernike import zernike_modes
 from tmca.training.snapshot_camera import scene_at, training_of
 
 __all__ = [
-    "CODES_DATE", "MODES", "Calibration", "FringePlan", "Lens", "MeasuredDispersion", "PixelShutter",
-    "ProjectorCalibration", "SingleDisperser", "StepSettings", "block_shifts", "calibrated_snapshot",
-    "calibration_patterns", "camera_rays", "explained", "find_calibration", "fine_part", "flattened",
-    "import_capture", "load_calibration", "load_prototype", "measure_all", "measured_sensor", "moved",
-    "nominal_matrix", "now", "register_mask", "registered", "scene_at", "training_of", "wavefront_rms",
-    "without_pixels", "write_frames", "write_fringes", "zernike_modes",
+    "CODES_DATE",
+    "FILE",
+    "MODES",
+    "Calibration",
+    "Features",
+    "FringePlan",
+    "Lens",
+    "MeasuredDispersion",
+    "PixelShutter",
+    "ProjectorCalibration",
+    "SingleDisperser",
+    "StepSettings",
+    "block_shifts",
+    "calibrated",
+    "calibrated_snapshot",
+    "calibration_patterns",
+    "calibrations",
+    "camera_rays",
+    "explained",
+    "find_calibration",
+    "fine_part",
+    "flattened",
+    "import_capture",
+    "load_any_depth_scene",
+    "load_calibration",
+    "load_prototype",
+    "measure_all",
+    "measured_sensor",
+    "middle_of",
+    "moved",
+    "nominal_matrix",
+    "now",
+    "reading_range",
+    "register_mask",
+    "registered",
+    "scene_at",
+    "select_bands",
+    "training_of",
+    "wavefront_rms",
+    "without_pixels",
+    "write_frames",
+    "write_fringes",
+    "zernike_modes",
 ]  # fmt: skip

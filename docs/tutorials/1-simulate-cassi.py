@@ -70,8 +70,8 @@ print(f"PSNR {merits['psnr']:.1f} dB, spectral angle {merits['sam']:.1f} degrees
 # ## How sure is it?
 #
 # With `uncertainty=True` there is a standard deviation σ for every value. About two thirds (68 %) of the true values
-# should be within ±1σ. Here it is more: this scene is smoother than those of the prior, and the prediction is cautious.
-# The prior decides σ: of a scene unlike those that it was learned from, σ is too small.
+# should be within ±1σ, and 95 % within ±2σ. σ is calibrated on scenes that the prior has not seen; of a scene unlike
+# all of them it may be too small.
 # It takes some times longer where codes do not repeat (`period=` of the camera), and little longer where they do.
 
 # %%

@@ -10,6 +10,7 @@ from tmca.data.in_memory import SceneWarning, even_bands
 from tmca.data.unlabelled import of_array
 from tmca.decoders.decoder import NoRenderedPrior
 from tmca.errors import DataError, ShapeError
+from tmca.metrics import rank_correlation
 from tmca.viewer.opening import in_memory_items
 
 BANDS = [450e-9, 550e-9, 650e-9]
@@ -183,6 +184,9 @@ def test_a_predicted_deviation_is_held_against_the_errors_in_memory_and_in_files
     expected = np.mean(np.abs(values - truth.values) <= sigma)
     assert tmca.evaluate(stored, truth)["coverage_1s"] == pytest.approx(expected)
     assert tmca.evaluate(tmp_path / "e.nc", truth)["coverage_1s"] == pytest.approx(expected)
+    merits, twice = tmca.evaluate(stored, truth), np.mean(np.abs(values - truth.values) <= 2 * sigma)
+    assert merits["coverage_2s"] == pytest.approx(twice)
+    assert merits["rank_correlation"] == pytest.approx(rank_correlation(values, truth.values, sigma))
     assert "coverage_1s" not in tmca.evaluate(stored[["estimate"]], truth)
     with pytest.raises(DataError, match="below 0"):
         tmca.evaluate(stored.assign(deviation=-stored["deviation"]), truth)

@@ -33,7 +33,7 @@ def test_every_setting_is_explained(name):
 @pytest.mark.parametrize(("kind", "variables"), [
     ("spectral", {"estimate", "deviation"}),
     ("light-field", {"estimate", "deviation", "disparity", "confidence", "all_in_focus"}),
-    ("spectral-depth", {"radiance", "depth", "confidence"}),
+    ("spectral-depth", {"radiance", "depth", "depth_deviation", "confidence"}),
 ])  # fmt: skip
 def test_an_estimate_is_labelled_saved_and_drawn(kind, variables, tmp_path):
     cls = DECODERS[usual_decoder(kind)]

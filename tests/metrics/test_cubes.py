@@ -8,16 +8,20 @@ import numpy as np
 import pytest
 import torch
 import xarray
+from scipy.stats import spearmanr
 
 from tmca.errors import SettingError, ShapeError
 from tmca.metrics import (
     all_metrics,
+    certainty,
     coverage_1s,
+    coverage_2s,
     dd,
     ergas,
     light_field_metrics,
     psnr,
     psnr_per_view,
+    rank_correlation,
     sam,
     ssim,
     ssim_per_view,
@@ -241,5 +245,26 @@ def test_normal_errors_lie_within_a_deviation_as_often_as_the_error_function_say
     estimate = truth + sigma * draw.standard_normal(sigma.shape)
     expected = math.erf(wrong_by / math.sqrt(2))
     assert coverage_1s(estimate, truth, wrong_by * sigma) == pytest.approx(expected, abs=0.01)
+    assert coverage_2s(estimate, truth, wrong_by / 2 * sigma) == pytest.approx(expected, abs=0.01)
     with pytest.raises(ShapeError, match="deviation"):
         coverage_1s(estimate, truth, sigma[0])
+
+
+def test_ranks_of_deviation_and_error_are_compared_as_a_slow_loop_does_it():
+    draw = np.random.default_rng(6)
+    truth, estimate = draw.uniform(0, 1, (2, 3, 4, 5))
+    sigma = draw.integers(1, 5, truth.shape) / 10  # with ties
+    error, ranks = np.abs(estimate - truth).ravel(), []
+    for values in (error, sigma.ravel()):
+        ranks.append([np.sum(values < one) + (np.sum(values == one) - 1) / 2 for one in values])
+    found = rank_correlation(estimate, truth, sigma)
+    assert found == pytest.approx(np.corrcoef(ranks)[0, 1])
+    assert found == pytest.approx(spearmanr(error, sigma.ravel()).statistic)
+
+
+def test_a_deviation_that_is_the_error_has_its_ranks_and_a_constant_one_none():
+    truth, estimate = np.random.default_rng(7).uniform(0, 1, (2, 3, 4, 5))
+    assert rank_correlation(estimate, truth, np.abs(estimate - truth)) == pytest.approx(1)
+    assert np.isnan(rank_correlation(estimate, truth, np.ones_like(truth)))
+    names = {"coverage_1s", "coverage_2s", "rank_correlation"}
+    assert set(certainty(estimate, truth, np.ones_like(truth))) == names

@@ -26,7 +26,7 @@ from tmca.data.scene_names import SOURCE_BANDS, compare_scene
 from tmca.data.unlabelled import of_array
 from tmca.decoders import Estimate
 from tmca.errors import DataError, SettingError, ShapeError
-from tmca.metrics import coverage_1s
+from tmca.metrics import certainty
 from tmca.plots.estimates import mean_frame
 from tmca.progress import Asked, reporting
 from tmca.sensor import Sensor
@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 else:
     Scene = Scenes = Any
 
+_MAPS = ("depth", "depth_deviation")
+"""Of an estimate, by which it is measured beside its values."""
 NOISE_STREAM = 0x9E3779B9
 """Added to the seed of the noise: codes draw from seeds below it (torch uses the lower 32 bits only)."""
 
@@ -196,7 +198,9 @@ def evaluation_of(
     if isinstance(estimate, Estimate):
         application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
         parts = {"values": estimate.values.numpy(force=True)}
-        parts |= {} if estimate.depth is None else {"depth": estimate.depth[0, 0].numpy(force=True)}
+        for name in _MAPS:
+            plane = getattr(estimate, name)
+            parts |= {} if plane is None else {name: plane[0, 0].numpy(force=True)}
         parts |= {} if estimate.deviation is None else {"deviation": estimate.deviation.numpy(force=True)}
     else:
         if not isinstance(estimate, str | Path):
@@ -234,23 +238,25 @@ def evaluation_of(
 
 
 def _measured(application: Application, parts: Mapping[str, np.ndarray], scene: Any, camera: Any) -> dict[str, float]:
-    """Figures of merit of the camera, and of a predicted deviation the share of values within it."""
+    """Figures of merit of the camera, and how well a predicted deviation tells its errors."""
     metrics, light = application.metrics(parts, scene, camera), np.asarray(_light(scene).values)
     values, deviation = parts["values"], parts.get("deviation")
     if deviation is None or not values.size == light.size == deviation.size:
         return metrics
-    return {**metrics, "coverage_1s": coverage_1s(values.ravel(), light.ravel(), deviation.ravel())}
+    return {**metrics, **certainty(values.ravel(), light.ravel(), deviation.ravel())}
 
 
 def _check_deviation(stored: xr.Dataset, where: str) -> None:
-    """Raises DataError for a deviation of every value that can be none."""
-    if "deviation" not in stored or stored["deviation"].dims != _estimated(stored).dims:
-        return
-    deviation = stored["deviation"]
-    if deviation.dtype.kind not in "fiu":
-        raise DataError(where, f"a deviation of {deviation.dtype}", "numbers", REMEDY)
-    if not (np.isfinite(deviation.values) & (deviation.values >= 0)).all():
-        raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
+    """Raises DataError for a deviation of every value, or every depth, that can be none."""
+    depth = stored.get("depth")
+    for name, values in (("deviation", _estimated(stored)), ("depth_deviation", depth)):
+        if name not in stored or values is None or stored[name].dims != values.dims:
+            continue
+        deviation = stored[name]
+        if deviation.dtype.kind not in "fiu":
+            raise DataError(where, f"a deviation of {deviation.dtype}", "numbers", REMEDY)
+        if not (np.isfinite(deviation.values) & (deviation.values >= 0) | np.isinf(values.values)).all():
+            raise DataError(where, "deviations below 0, NaN or infinite", "standard deviations", REMEDY)
 
 
 def _as_dataset(estimate: Any, truth: Any) -> xr.Dataset:
@@ -321,10 +327,10 @@ def _estimated(stored: xr.Dataset) -> xr.DataArray:
 
 
 def _parts(stored: xr.Dataset) -> dict[str, np.ndarray]:
-    """What an estimate is measured by: its values, snapshots or colours first, and its depth."""
+    """What an estimate is measured by: its values, snapshots or colours first, and its depth with its deviation."""
     values = _estimated(stored)
     several = "colour" in values.sizes or "snapshot" in values.sizes
     parts = {"values": values.values if several else values.values[None]}
-    parts |= {"depth": stored["depth"].values} if "depth" in stored else {}
+    parts |= {name: stored[name].values for name in _MAPS if name in stored}
     spread = stored["deviation"].values if "deviation" in stored else None
     return parts | ({} if spread is None else {"deviation": spread if several else spread[None]})

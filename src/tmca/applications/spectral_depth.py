@@ -26,7 +26,7 @@ from tmca.data.in_memory import as_depth_scene, as_tensors
 from tmca.data.point_cloud import FOCAL, FOCAL_OF
 from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError
-from tmca.metrics import all_metrics, depth_mae, depth_rmse, within_bin
+from tmca.metrics import all_metrics, certainty, depth_mae, depth_rmse, within_bin
 from tmca.optics import DepthPlanes, check_mask
 from tmca.plots.estimates import estimate_figure
 from tmca.sensor import Sensor
@@ -162,8 +162,14 @@ class SpectralDepthApplication(Application):
         return middle_of(scene, camera.size, source)
 
     def metrics(self, estimate: Mapping[str, np.ndarray], truth: xr.Dataset, camera: Any) -> dict[str, float]:
-        """See ``Application``: those of the cube, and of the depth where it is known."""
-        return spectral_depth_metrics(estimate["values"][0], estimate["depth"], truth, camera.planes)
+        """See ``Application``: those of the cube, and of the depth and its deviation where it is known."""
+        metrics = spectral_depth_metrics(estimate["values"][0], estimate["depth"], truth, camera.planes)
+        apart, real = estimate.get("depth_deviation"), truth["depth"].values
+        if apart is None or apart.shape != real.shape:
+            return metrics
+        known = np.isfinite(estimate["depth"]) & camera.planes.within(torch.from_numpy(np.array(real))).numpy()
+        sure = certainty(estimate["depth"][known], real[known], apart[known]) if known.any() else {}
+        return metrics | {f"depth_{name}": value for name, value in sure.items()}
 
     def remarks(self, estimate: xr.Dataset) -> list[str]:
         """See ``Application``: that metres are those of a mapped scene."""

@@ -187,11 +187,13 @@ class AdaptedLMMSE(PatchDecoder):
         uncertainty: also predict the standard deviation of every entry.
         iterations: how often the priors are refitted.
         tile: side of the tiles that have a prior each, pixels.
+        calibrated: with the standard deviation, bring it to the errors of known scenes; False leaves it as predicted.
     """
 
     name, label, cameras = "lmmse-adapted", "LMMSE adapted", frozenset({"spectral"})
     iterations: int = ITERATIONS
     tile: int | None = TILE
+    calibrated: bool = True
 
     def __post_init__(self) -> None:
         check_range("iterations", self.iterations, 0, whole=True)

@@ -21,6 +21,7 @@ from torch import Tensor
 from tmca.arguments import WithSettings, described, path_of
 from tmca.cameras import Camera, Snapshot
 from tmca.codes.files import differing
+from tmca.decoders.certainty import calibrate
 from tmca.decoders.estimate import PRIOR, Estimate
 from tmca.decoders.own import class_of_file, is_file
 from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
@@ -49,6 +50,7 @@ class Raw:
     depth: Tensor | None = None
     confidence: Tensor | None = None
     planes: Tensor | None = None
+    depth_deviation: Tensor | None = None
     notes: dict[str, Any] = field(default_factory=dict)
 
 
@@ -239,9 +241,13 @@ class Prepared:
         if self.decoder.clips:
             scenes = scenes.clamp_min(0)
         more = (deviation, raw.depth, raw.confidence, raw.planes)
-        seconds = time.perf_counter() - start
         notes = {**notes, **({PRIOR: self.prior} if self.prior else {}), **raw.notes}
-        return Estimate(scenes, self.camera, self.decoder.name, *more, seconds, notes)
+        found = Estimate(
+            scenes, self.camera, self.decoder.name, *more, notes=notes, depth_deviation=raw.depth_deviation
+        )
+        if getattr(self.decoder, "calibrated", False):
+            calibrate(found)
+        return replace(found, seconds=time.perf_counter() - start)
 
     def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:
         """Decode frames one after the other, as they come: snapshots of the camera, or values (R, H, W') or (1, R, H,

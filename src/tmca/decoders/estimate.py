@@ -39,6 +39,7 @@ class Estimate(Summary):
         depth: (B, 1, H, W) metres.
         confidence: (B, 1, H, W) probability of the bin of the depth and its two neighbours.
         planes: (B, D, H, W) log-probability of every plane, from far to near, up to a constant.
+        depth_deviation: (B, 1, H, W) predicted standard deviation of the depth, metres.
         seconds: wall time.
         notes: of the snapshot (scene, seed, …) and of the decoder (iterations, weight, …); attributes of the file.
     """
@@ -52,6 +53,7 @@ class Estimate(Summary):
     planes: Tensor | None = None
     seconds: float = 0.0
     notes: dict[str, Any] = field(default_factory=dict)
+    depth_deviation: Tensor | None = None
 
     @property
     def estimate(self) -> Tensor:
@@ -59,7 +61,7 @@ class Estimate(Summary):
         return self.values
 
     def to_xarray(self) -> xr.Dataset:
-        """Labelled arrays: ``estimate`` and ``deviation``, or ``radiance``, ``depth`` and ``confidence``.
+        """Arrays: ``estimate`` and ``deviation``, or ``radiance``, ``depth``, ``depth_deviation``, ``confidence``.
 
         A batch of one has no axis of its own; colours of a light field have. What the views of a light field show
         together takes a while and is in `maps`; `save` writes both.
@@ -74,7 +76,12 @@ class Estimate(Summary):
         if self.depth is not None:
             attrs = {**focal_length(self.camera), **attrs, PLANES: json.dumps(asdict(self.camera.planes))}
         sure = "probability of the plane of the depth and its two neighbours"
-        maps_of = (("depth", self.depth, "m", f"depth {by}"), ("confidence", self.confidence, "1", sure))
+        apart = "predicted standard deviation of the depth"
+        maps_of = (
+            ("depth", self.depth, "m", f"depth {by}"),
+            ("depth_deviation", self.depth_deviation, "m", apart),
+            ("confidence", self.confidence, "1", sure),
+        )
         for name, plane, unit, meaning in maps_of:
             if plane is not None:
                 maps, about = plane[:, 0].numpy(force=True), {"long_name": meaning, "units": unit}

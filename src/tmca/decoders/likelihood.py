@@ -51,12 +51,14 @@ class DepthPosterior:
 
     Args:
         metres: (B, 1, H, W) median of depth, the estimate of least expected absolute error.
+        deviation: (B, 1, H, W) metres, root mean square distance from it.
         plane: (B, 1, H, W) index of the plane that is in its bin.
         confidence: (B, 1, H, W) probability of that plane and its neighbours.
         shares: (B, D, H, W) probability of every plane.
     """
 
     metres: Tensor
+    deviation: Tensor
     plane: Tensor
     confidence: Tensor
     shares: Tensor
@@ -74,16 +76,20 @@ class DepthPosterior:
         here = shares.gather(1, plane)
         into = 1 - (total.gather(1, plane) - 0.5) / here  # share of the bin that is farther than the median
         place = (inverse[plane] + (into.clamp(0, 1) - 0.5) * planes.step).clamp(float(inverse[0]), float(inverse[-1]))
+        # Of a plane at infinity the middle of its bin, in inverse depth.
+        metres = 1 / inverse.clamp_min(planes.step / 4)[:, None, None]
+        apart = (shares * ((metres - 1 / place).square() + (metres.square() * planes.step).square() / 12)).sum(1, True)
         around = (torch.arange(planes.count, device=plane.device)[:, None, None] - plane).abs() <= 1
-        return cls(1 / place, plane, (shares * around).sum(1, keepdim=True), shares)
+        return cls(1 / place, apart.sqrt(), plane, (shares * around).sum(1, keepdim=True), shares)
 
 
 @dataclass
 class DepthRaw(Raw):
-    """What a decoder of spectrum and depth returns: depth and its confidence are always there."""
+    """What a decoder of spectrum and depth returns: depth and how sure it is are always there."""
 
     depth: Tensor = field(default_factory=lambda: torch.empty(0))
     confidence: Tensor = field(default_factory=lambda: torch.empty(0))
+    depth_deviation: Tensor = field(default_factory=lambda: torch.empty(0))
 
 
 def usual_window(camera: SpectralDepthCamera) -> int:
@@ -185,18 +191,19 @@ class PatchLikelihood:
         count = self.camera.planes.count
         pixels, values = self._psf.shape[2] * self.window**2, len(self._colour) * self.window**2
         first = count * values / (count * values + _LIKELY * (values + pixels)) if spectrum else 1.0  # of the work
-        channels = (self.camera.bands if spectrum else 0, 1, 1, count if planes else 0)
-        cube, depth, sure, logs = (snapshot.new_empty(len(snapshot), some, *self.camera.size) for some in channels)
+        channels = (self.camera.bands if spectrum else 0, 1, 1, 1, count if planes else 0)
+        parts = (snapshot.new_empty(len(snapshot), some, *self.camera.size) for some in channels)
+        cube, depth, sure, apart, logs = parts
         shares = snapshot.new_empty(len(snapshot), len(self._rows.tops), len(self._rows.lefts), count)
-        frame = DepthRaw(cube, None, depth, sure, logs if planes else None)
+        frame = DepthRaw(cube, None, depth, sure, logs if planes else None, depth_deviation=apart)
         gains = list(self._search(snapshot, frame, shares, part_of(progress, 0, first)))
         if spectrum:
             self._fill(snapshot, frame.values, shares, gains, part_of(progress, first, 1))
         return frame
 
     def _search(self, snapshot: Tensor, frame: DepthRaw, shares: Tensor, progress: Progress) -> Iterator[Tensor]:
-        """Depth, confidence and planes of the frame, and the planes' shares (B, rows of windows, P, D) in the middles
-        of windows; yields the gains, as indices (B, P, D), row by row."""
+        """Depth, how sure it is, and planes of the frame, and the planes' shares (B, rows of windows, P, D) in the
+        middles of windows; yields the gains, as indices (B, P, D), row by row."""
         mean = RowMean(self._rows, snapshot[..., :1, :1].double(), self.camera.planes.count, self.reach)
         for tops, phases in self._rows.batches():
             parts = [self._log_likelihood(phase, self._rows.cut(snapshot, tops, which)) for phase, which in phases]
@@ -211,6 +218,7 @@ class PatchLikelihood:
         here, half = DepthPosterior.of(planes, self.camera.planes), self.window // 2
         frame.depth[..., rows, :] = here.metres.to(frame.depth)
         frame.confidence[..., rows, :] = here.confidence.to(frame.confidence)
+        frame.depth_deviation[..., rows, :] = here.deviation.to(frame.depth_deviation)
         if frame.planes is not None:
             frame.planes[..., rows, :] = planes.to(frame.planes)
         columns = torch.tensor(self._rows.lefts, device=planes.device) + half
@@ -302,12 +310,14 @@ class LikelihoodDecoder(Decoder):
     Args:
         window: side of the windows, pixels; 12 if None, or the tile of the codes where that is larger.
         planes: also return the log-probability of every plane.
+        calibrated: bring the depth's standard deviation to the errors of known scenes; False leaves that of the planes.
     """
 
     name, label, cameras = "likelihood", "patch likelihood", frozenset({"spectral-depth"})
     prior_kind = "gaussian"
     window: int | None = None
     planes: bool = False
+    calibrated: bool = True
 
     def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
         if self.window is not None:

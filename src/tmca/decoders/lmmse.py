@@ -368,10 +368,12 @@ class LMMSE(PatchDecoder):
             repeat.
         fast: where it is prepared for many frames behind tiled codes, decode each in two thirds of the time, some
             hundredths of a dB below.
+        calibrated: with the standard deviation, bring it to the errors of known scenes; False leaves it as predicted.
     """
 
     name, label = "lmmse", "LMMSE"
     fast: bool = False
+    calibrated: bool = True
 
     def setup(self, camera: Any, prior: Any) -> Any:
         return PatchEstimator(prior, camera.taps(), camera.noise, fast=self.fast)
@@ -383,6 +385,8 @@ class MixtureLMMSE(PatchDecoder):
 
     Args:
         uncertainty: also predict the standard deviation of every entry.
+        calibrated: with the standard deviation, bring it to the errors of known scenes; False leaves it as predicted.
     """
 
     name, label, prior_kind = "mixture", "mixture", "mixture"
+    calibrated: bool = True

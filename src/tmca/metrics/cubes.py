@@ -217,10 +217,43 @@ def coverage_1s(estimate: Any, truth: Any, deviation: Any) -> float:
     Raises:
         ShapeError: the shapes differ.
     """
+    error, sigma = _errors(estimate, truth, deviation)
+    return float(np.mean(error <= sigma))
+
+
+def coverage_2s(estimate: Any, truth: Any, deviation: Any) -> float:
+    """Share of values that lie at most two predicted standard deviations from the truth, as `coverage_1s`; 0.95 is
+    expected of normal errors."""
+    error, sigma = _errors(estimate, truth, deviation)
+    return float(np.mean(error <= 2 * sigma))
+
+
+def rank_correlation(estimate: Any, truth: Any, deviation: Any) -> float:
+    """Spearman's rank correlation of predicted deviation and absolute error, in [-1, 1]; as `coverage_1s`.
+
+    It says whether the deviation is large where the error is. Normal errors of exactly known deviation stay below 1:
+    0.5 where the deviation's natural logarithm has a spread of 0.65. It is not a number where either is constant.
+    """
+    from scipy.stats import rankdata
+
+    ranks = [rankdata(values) for values in _errors(estimate, truth, deviation)]
+    centred = [rank - rank.mean() for rank in ranks]
+    scale = np.sqrt(np.prod([np.sum(rank**2) for rank in centred]))
+    return float(np.sum(centred[0] * centred[1]) / scale) if scale > 0 else nan
+
+
+def certainty(estimate: Any, truth: Any, deviation: Any) -> dict[str, float]:
+    """`coverage_1s`, `coverage_2s` and `rank_correlation` by name; arguments and errors as theirs."""
+    measures = (coverage_1s, coverage_2s, rank_correlation)
+    return {measure.__name__: measure(estimate, truth, deviation) for measure in measures}
+
+
+def _errors(estimate: Any, truth: Any, deviation: Any) -> tuple[Array, Array]:
+    """Absolute errors and their deviations, flat."""
     x, y, sigma = (as_float64(values) for values in (estimate, truth, deviation))
     check_shape("estimate", x, y.shape, "crop, resample or transpose one of them: metrics never broadcast")
     check_shape("deviation", sigma, y.shape)
-    return float(np.mean(np.abs(x - y) <= sigma))
+    return np.abs(x - y).ravel(), sigma.ravel()
 
 
 def light_field_metrics(estimate: Any, truth: Any, *, data_range: float = 1.0) -> dict[str, float]:

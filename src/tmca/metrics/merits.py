@@ -42,6 +42,8 @@ MERITS: dict[str, Merit] = {
     "ergas": Merit("%", False, "relative global error over all bands"),
     "dd": Merit("", False, "degree of distortion, the mean absolute error"),
     "coverage_1s": Merit("", None, "share of values within ±1σ of the truth, 0.68 expected"),
+    "coverage_2s": Merit("", None, "share of values within ±2σ of the truth, 0.95 expected"),
+    "rank_correlation": Merit("", True, "of σ with the error, by ranks; at most 1"),
     "disparity_mae": Merit("px per view step", False),
     "disparity_badpix": Merit("", False, "share of pixels"),
     "disparity_mae_of_constant": Merit("px per view step", None, "the same of a constant guess, the true median"),
@@ -53,6 +55,9 @@ MERITS: dict[str, Merit] = {
     "depth_mae_of_constant": Merit("m", None, "the same of a constant guess, the median of the true depth"),
     "depth_rmse": Merit("m", False),
     "within_bin": Merit("", True, "share of pixels"),
+    "depth_coverage_1s": Merit("", None, "share of depths within ±1σ of the truth, 0.68 expected"),
+    "depth_coverage_2s": Merit("", None, "share of depths within ±2σ of the truth, 0.95 expected"),
+    "depth_rank_correlation": Merit("", True, "of the depth's σ with its error, by ranks; at most 1"),
     "known_depth": Merit("", None, "share of pixels whose true depth is known"),
 }
 """Figures of merit by name, those of all cameras of this package."""

@@ -16,7 +16,7 @@ from tmca.decoders import Decoder, Estimate, decode, make_decoder, settings_of
 from tmca.errors import SettingError
 from tmca.testing.comparing import close, drawn, refused, run, same_shape, say
 
-_PARTS = ("values", "deviation", "depth", "confidence", "planes")
+_PARTS = ("values", "deviation", "depth", "confidence", "planes", "depth_deviation")
 
 
 @dataclass(frozen=True)

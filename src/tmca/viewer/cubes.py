@@ -151,15 +151,16 @@ def said(attrs: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-_WITHIN = "coverage_1s"
+_WITHIN = {"coverage_1s": ("within ±1 σ", 68), "coverage_2s": ("within ±2 σ", 95)}
 
 
 def merit_facts(metrics: Mapping[str, float]) -> dict[str, str]:
     """Figures of merit with their units, as they are said beside pictures."""
-    found = {name.replace("_", " ").upper(): with_unit(name, value) for name, value in metrics.items()}
-    if _WITHIN in metrics:
-        found.pop(_WITHIN.replace("_", " ").upper())
-        found["within ±1 σ"] = f"{metrics[_WITHIN]:.1%} of the values (68 % expected)"
+    plain = {name: value for name, value in metrics.items() if name not in _WITHIN}
+    found = {name.replace("_", " ").upper(): with_unit(name, value) for name, value in plain.items()}
+    for name, (said, expected) in _WITHIN.items():
+        if name in metrics:
+            found[said] = f"{metrics[name]:.1%} of the values ({expected} % expected)"
     return found
 
 

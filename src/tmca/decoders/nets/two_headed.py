@@ -68,7 +68,8 @@ class DepthEstimate:
         """In metres: the median, and the probability of its plane and its neighbours, as of the patch likelihood."""
         depth = DepthPosterior.of(self.logits, planes)
         cube = self.cube.clamp_min(0)
-        return DepthRaw(cube, None, depth.metres, depth.confidence, self.logits.log_softmax(1))
+        logs = self.logits.log_softmax(1)
+        return DepthRaw(cube, None, depth.metres, depth.confidence, logs, depth_deviation=depth.deviation)
 
 
 def _places(count: int, like: Tensor) -> Tensor:
