@@ -23,7 +23,6 @@ from timing import Clock
 import tmca
 from tmca.codes import Codes
 from tmca.data import read_array, read_split
-from tmca.optics import Dispersion
 from tmca.optics.spectral import on_columns
 from tmca.registration.placement import SmoothPlanes, seen_from
 from tmca.workers import in_processes
@@ -76,9 +75,7 @@ def imaged(
     """A snapshot with its true camera, and on the columns of the one that was drawn, which it is taken to be of."""
     aperture, shutter = camera.codes()
     planes = SmoothPlanes(aperture)(*seen_from(torch.as_tensor(vector, dtype=torch.float32), SIZE))
-    drawn = camera.dispersion.displacement
-    middle = (drawn[0] + drawn[-1]) / 2
-    bands = Dispersion(tuple(middle + dispersion * (one - middle) for one in drawn))
+    bands = camera.dispersion.scaled(dispersion)
     first = -bands.origin
     codes = Codes(planes, on_columns(shutter, first, SIZE[1] + bands.extent))
     true = camera.replace(codes=codes, dispersion=bands)

@@ -77,14 +77,20 @@ def factor(ratios: Tensor, shares: Tensor) -> float:
 
 
 def calibration(kind: str, decoder: str, some: Iterable[Case]) -> dict[str, Any]:
-    """An entry of the file."""
-    samples, scenes, cameras = list[tuple[Tensor, Tensor]](), dict[str, None](), dict[str, None]()
+    """An entry of the file; prints the shares of the errors within one and two deviations, case by case."""
+    samples, labels = list[tuple[Tensor, Tensor]](), list[tuple[str, ...]]()
+    scenes, cameras = dict[str, None](), dict[str, None]()
     for case in some:
         samples.append(sampled(case, NAMES[kind]))
         scenes[case.scene] = cameras[case.camera] = None
-        print(kind, decoder, case.camera, case.prior, case.scene, flush=True)
-    found = {"decoder": decoder, "camera": kind, "coefficients": fitted(samples, NAMES[kind])}
-    return {**found, "scenes": [*scenes], "cameras": [*cameras]}
+        labels.append((kind, decoder, case.camera, case.prior, case.scene))
+        print(*labels[-1], flush=True)
+    coefficients = fitted(samples, NAMES[kind])
+    for label, (features, errors) in zip(labels, samples, strict=True):
+        ratio = errors / (features @ torch.tensor([*coefficients.values()], dtype=torch.double) + _TINY)
+        print(*label, *(f"{float((ratio <= n).double().mean()):.1%}" for n in (1, 2)), flush=True)
+    about = {"decoder": decoder, "camera": kind, "coefficients": coefficients}
+    return {**about, "scenes": [*scenes], "cameras": [*cameras]}
 
 
 def main() -> None:
@@ -96,9 +102,10 @@ def main() -> None:
     torch.set_num_threads(1)
     known = json.loads(FILE.read_text()) if FILE.exists() else []
     for kind in [how.only] if how.only else KINDS:
-        known = [one for one in known if one["camera"] != kind]
         for decoder in KINDS[kind].decoders:
-            known.append(calibration(kind, decoder, cases(kind, how.data, decoders=[decoder])))
+            made = calibration(kind, decoder, cases(kind, how.data, decoders=[decoder]))
+            others = [one for one in known if (one["camera"], one["decoder"]) != (kind, decoder)]
+            known = [*others, made]
             text = json.dumps(known, ensure_ascii=False, indent=1)
             write_text(text + "\n", FILE, overwrite=True)
 

@@ -95,7 +95,7 @@ def test_the_mask_is_put_in_register_by_evidence(capsys, folder, tmp_path):
         "--by",
         "evidence",
     )
-    found = answer(capsys, *how, "--prior", "prior.nc")
+    (found,) = answer(capsys, *how, "--prior", "prior.nc")
     assert found["converged"]
     assert found["scale"] == pytest.approx((1.01, 1), abs=1e-3)
     assert found["shift"] == pytest.approx((0.3, 0), abs=0.05)

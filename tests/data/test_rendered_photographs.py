@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import wraps
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -136,6 +138,7 @@ def test_what_was_stopped_goes_on(folder, tmp_path, monkeypatch):
     calls, told = [], []
     render = rendered_scene
 
+    @wraps(rendered_scene)
     def stops(path, **how):
         calls.append(path.name)
         if len(calls) == 2:
@@ -191,3 +194,15 @@ def test_a_folder_that_cannot_be_rendered_is_refused_before_anything_is(folder, 
         with pytest.raises(DataError, match=r"expected (files|a folder of photographs)"):
             render_folder(tmp_path / place, out)
     assert not out.exists()
+
+
+def test_pictures_in_inks_are_refused(tmp_path):
+    Image.fromarray(pixels()).convert("CMYK").save(tmp_path / "print.tif")
+    with pytest.raises(DataError, match=r"inks \(CMYK\)"):
+        rendered_scene(tmp_path / "print.tif")
+
+
+def test_arguments_of_another_engine_are_refused(folder, tmp_path):
+    with pytest.raises(SettingError, match="illuminant"):
+        render_folder(folder, tmp_path / "out", views=3, illuminant="A")
+    assert not (tmp_path / "out").exists()

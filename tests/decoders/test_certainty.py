@@ -141,3 +141,14 @@ def test_depth_has_its_deviation_in_metres_and_evaluate_holds_it_against_the_tru
     stored = found.to_xarray()
     with pytest.raises(DataError, match="below 0"):
         tmca.evaluate(stored.assign(depth_deviation=-stored["depth_deviation"]), truth)
+
+
+def test_half_precision_is_calibrated_as_single_precision_is():
+    values = 0.5 + 0.02 * torch.rand(1, 3, 9, 11, generator=torch.Generator().manual_seed(0))
+    values, deviation = values.half(), torch.full_like(values, 0.01).half()
+    coefficients = {"predicted": 0.2, "activity": 0.5, "edges": 0.3, "slope": 0.1}
+    half = calibrated(values, deviation, coefficients)
+    assert half.dtype == torch.half
+    torch.testing.assert_close(
+        half.float(), calibrated(values.float(), deviation.float(), coefficients), rtol=2e-3, atol=0
+    )

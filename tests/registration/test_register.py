@@ -11,7 +11,7 @@ from scipy.stats import multivariate_normal
 import tmca
 from tests.small_scenes import smooth_scene
 from tmca.codes import Codes
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.optics import Dispersion
 from tmca.optics.spectral import on_columns
 from tmca.priors import GaussianMixturePrior, GaussianPrior
@@ -169,3 +169,22 @@ def test_other_cameras_and_priors_are_refused():
     _, snapshot = elsewhere(camera(), 0 * MOVED)
     with pytest.raises(SettingError, match="prior"):
         register(snapshot, GaussianMixturePrior.of(PRIOR))
+
+
+@pytest.mark.parametrize("fault", ["few blocks", "dark"])
+def test_frames_that_say_nothing_are_left_as_they_are(fault):
+    size = (16, 26) if fault == "few blocks" else SIZE
+    shown = tmca.SpectralCamera(4, size, slots=1, shutter="open", sensor=SENSOR)
+    values = torch.full((1, *shown.snapshot_shape), -0.002 if fault == "dark" else 0.3)
+    snapshot = tmca.Snapshot(values, shown)
+    with pytest.warns(NotRegistered, match="stays where it was drawn"):
+        registered = register(snapshot, PRIOR)
+    assert registered.snapshot is snapshot
+    assert (registered.placement.shift, registered.placement.rotation) == ((0, 0), 0)
+
+
+def test_pixels_that_are_not_finite_are_refused():
+    values = torch.zeros(1, *camera().snapshot_shape)
+    values[..., 3, 4] = torch.nan
+    with pytest.raises(DataError, match="NaN or infinite"):
+        register(tmca.Snapshot(values, camera()), PRIOR)

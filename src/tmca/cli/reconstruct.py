@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +18,7 @@ from tmca.specs import CAMERA_SPECS, TruthReading
 
 if TYPE_CHECKING:
     from tmca.decoders import Decoder, Estimate
+    from tmca.registration import Registered
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _READING = OutputOptions(), TruthReading()
@@ -112,6 +113,7 @@ class _Asked:
     register: str | None
     reading: TruthReading
     output: OutputOptions
+    registered: dict[Path, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -156,7 +158,7 @@ class _Job:
     settings: dict[str, Any]
     asked: _Asked
     several: bool
-    placed: str = ""
+    placed: Registered | None = None
 
     @classmethod
     def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
@@ -201,9 +203,9 @@ class _Job:
         from tmca.metrics import beside_constant
 
         asked, output = self.asked, self.asked.output
-        if asked.register and not self.placed:
-            return self._in_register().run(target)
         check_targets(self.files(target), output.overwrite, self.file)
+        if asked.register and self.placed is None:
+            return self._in_register().run(target)
         scene, prior = self._scene(), asked.dictionary or asked.prior
         if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
             prior = None
@@ -213,7 +215,7 @@ class _Job:
         metrics = {} if scene is None else _metrics(estimate, scene)
         if scene is None:
             warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
-        estimate.notes |= metric_notes(metrics)
+        estimate.notes |= metric_notes(metrics) | ({"registration": str(self.placed)} if self.placed else {})
         written = [estimate.save(target, overwrite=output.overwrite)]
         if output.figures:
             written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite)
@@ -221,19 +223,32 @@ class _Job:
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
         remarks = [*self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
-        if self.placed:
-            report["registered"] = self.placed
-            remarks.insert(0, self.placed)
+        if self.placed is not None:
+            report["registered"] = str(self.placed)
+            remarks = [str(self.placed), *remarks] if self.placed.converged else remarks
         return _Done(shown, scene, report, [*remarks, *beside_constant(metrics)])
 
     def _in_register(self) -> _Job:
-        """With the mask where the snapshot says that it lies; as it is where none stands out, which is told."""
+        """With the mask where the snapshot says that it lies, the same for all decoders; as it is, with a warning,
+        where no place stands out."""
         from tmca.registration import register
 
-        given = self.asked.prior if self.cls is not None and self.cls.prior_kind == "gaussian" else None
-        with progress_bar(f"register: {self.file.name}") as progress:
-            found = register(self.taken, given, progress=progress)
-        return replace(self, taken=found.snapshot, placed=str(found))
+        known = self.asked.registered
+        if self.file not in known:
+            with progress_bar(f"register: {self.file.name}") as progress:
+                known[self.file] = register(self.taken, self._gaussian_prior(), progress=progress)
+        return replace(self, taken=known[self.file].snapshot, placed=known[self.file])
+
+    def _gaussian_prior(self) -> Path | None:
+        """The prior that was given, if it is a Gaussian one."""
+        from tmca.priors import find_prior
+
+        prior = self.asked.prior
+        try:
+            find_prior(self.taken.camera, prior, "gaussian")
+        except SettingError:
+            return None
+        return prior
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""

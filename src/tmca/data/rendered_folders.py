@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,7 @@ from tmca.data.rendering.lighting import Light
 from tmca.data.rendering.own import photographs_in
 from tmca.data.rendering.photographs import check_photograph, photograph
 from tmca.data.scene_names import write_split
-from tmca.errors import OutputError, check_range
+from tmca.errors import OutputError, check_choice, check_range
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -61,6 +62,9 @@ def render_folder(
         OutputError: other scenes are in ``out``, or it cannot be written, or another process renders into it.
         SettingError: fewer photographs than asked for, or what rendering refuses.
     """
+    engine = rendered_scene if views is None else rendered_light_field
+    for name in rendering:
+        check_choice("rendering", name, [*signature(engine).parameters][1:])
     chosen = drawn_photographs(photographs, number, seed)
     for path in chosen.values():
         if path.suffix.lower() in PICTURES:

@@ -63,7 +63,7 @@ def calibrate(estimate: Estimate) -> None:
         estimate.deviation = calibrated(estimate.values, estimate.deviation, known.coefficients)
     elif estimate.depth is not None and estimate.depth_deviation is not None:
         apart = calibrated(estimate.depth, estimate.depth_deviation, known.coefficients)
-        estimate.depth_deviation = apart.nan_to_num(nan=float("inf"))  # beside an infinite depth
+        estimate.depth_deviation = apart.nan_to_num(nan=float("inf"), posinf=float("inf"))  # beside an infinite depth
     else:
         return
     estimate.notes[CALIBRATION] = ", ".join(known.scenes)
@@ -77,11 +77,13 @@ def calibrated(values: Tensor, deviation: Tensor, coefficients: Mapping[str, flo
         deviation: predicted, of the same shape.
         coefficients: see `Certainty`.
     """
-    features, total = Features(values, deviation), torch.zeros_like(deviation)
+    exact = torch.promote_types(values.dtype, torch.float32)  # the spread is a small difference of squares
+    features = Features(values.to(exact), deviation.to(exact))
+    total = torch.zeros_like(features.predicted)
     for name, coefficient in coefficients.items():
         if coefficient:
             total.add_(getattr(features, name), alpha=coefficient)
-    return total
+    return total.to(deviation.dtype)
 
 
 class Features:

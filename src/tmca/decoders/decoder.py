@@ -242,12 +242,13 @@ class Prepared:
             scenes = scenes.clamp_min(0)
         more = (deviation, raw.depth, raw.confidence, raw.planes)
         notes = {**notes, **({PRIOR: self.prior} if self.prior else {}), **raw.notes}
-        found = Estimate(
+        estimate = Estimate(
             scenes, self.camera, self.decoder.name, *more, notes=notes, depth_deviation=raw.depth_deviation
         )
         if getattr(self.decoder, "calibrated", False):
-            calibrate(found)
-        return replace(found, seconds=time.perf_counter() - start)
+            with torch.no_grad(), enough_memory(values.device):
+                calibrate(estimate)
+        return replace(estimate, seconds=time.perf_counter() - start)
 
     def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:
         """Decode frames one after the other, as they come: snapshots of the camera, or values (R, H, W') or (1, R, H,

@@ -56,6 +56,11 @@ class Dispersion:
             raise SettingError("dispersion", f"{displacement.bands} values", f"one for each of {bands} bands")
         return displacement
 
+    def scaled(self, factor: float) -> Dispersion:
+        """Every band so many times as far from the middle of the displacements."""
+        middle = (min(self.displacement) + max(self.displacement)) / 2
+        return Dispersion(tuple(middle + factor * (one - middle) for one in self.displacement))
+
     @property
     def bands(self) -> int:
         """Number of bands L."""

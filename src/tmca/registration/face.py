@@ -16,14 +16,13 @@ from tmca.arguments import described
 from tmca.cameras import Snapshot
 from tmca.cameras.coded import CodedCamera
 from tmca.codes import Codes
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.operators.block_layout import Places
-from tmca.optics import Dispersion
 from tmca.optics.spectral import on_columns
 from tmca.priors import Prior, find_prior
 from tmca.registration.evidence import MaskEvidence
-from tmca.registration.placement import MaskPlacement
-from tmca.registration.search import LAST, Climbed, climb, search
+from tmca.registration.placement import NAMES, MaskPlacement
+from tmca.registration.search import LAST, Climbed, climb, deviations, gain_over_drawn, search
 
 MOST_DISPERSION = 0.015
 """Relative error of the dispersion that is looked for."""
@@ -49,8 +48,8 @@ class Registered:
         std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, from
             the curvature of the evidence: the least that they can be; NaN where it has none.
         dispersion: displacement of the bands over that which was drawn, about the middle.
-        gain: of the log evidence of a block over that of the mask as drawn.
-        converged: whether a place stood out.
+        evidence_gain: of the logarithm of a block's evidence over that of the mask as drawn.
+        converged: whether a place stood out; if not, the placement is that of the mask as drawn.
         seconds: that it took.
     """
 
@@ -58,7 +57,7 @@ class Registered:
     placement: MaskPlacement
     std: dict[str, float]
     dispersion: float
-    gain: float
+    evidence_gain: float
     converged: bool
     seconds: float
 
@@ -79,7 +78,8 @@ def register(
 
     The density of blocks of the snapshot under a Gaussian prior of scenes (its evidence) is climbed over shift (up to
     2.4 pixels), rotation, scale, stretch and shear (up to 2 pixels at the frame's edge), light, blur and, of a spectral
-    camera, dispersion (up to 1.5 %), from coarse to fine; no truth and no calibration is needed.
+    camera, dispersion (up to 1.5 %), from coarse to fine (evidence maximisation); no truth and no calibration is
+    needed. Whether the place stands out is told by the signed ranks of blocks (Wilcoxon).
 
     Args:
         snapshot: of a spectral or light-field camera with masks of pixels.
@@ -88,6 +88,7 @@ def register(
 
     Raises:
         SettingError: a camera without masks of pixels, or a prior of another kind.
+        DataError: values that are not finite.
 
     Warns:
         NotRegistered: no place stands out.
@@ -98,24 +99,31 @@ def register(
     >>> registered = register(snapshot)  # doctest: +SKIP
     >>> estimate = tmca.reconstruct(registered.snapshot)  # doctest: +SKIP
     """
-    began, camera = time.perf_counter(), snapshot.camera
+    began, camera, device = time.perf_counter(), snapshot.camera, snapshot.values.device
     if not isinstance(camera, CodedCamera):
         raise SettingError("snapshot", f"one of {described(camera)}", "one of a camera behind masks of pixels")
-    of_scenes = find_prior(camera, prior, "gaussian")
-    evidence = MaskEvidence(camera, snapshot.values, of_scenes)
-    climbed = search(evidence, progress)
-    factor = 1.0
+    if not bool(snapshot.values.isfinite().all()):
+        raise DataError("snapshot", "NaN or infinite values", "finite values", "mask or replace the bad pixels first")
+    of_scenes, taken = find_prior(camera, prior, "gaussian"), snapshot.to("cpu")
+    evidence = MaskEvidence(taken.camera, taken.values, of_scenes)
+    climbed, factor = search(evidence, progress), 1.0
     if climbed.converged and getattr(camera, "disperser", None) == "single":
-        factor, climbed, evidence = with_dispersion(snapshot, of_scenes, climbed, evidence)
-    moved = _moved(snapshot, evidence, climbed) if climbed.converged else snapshot
-    seconds = time.perf_counter() - began
-    std = _std(climbed, evidence.size)
-    registered = Registered(
-        moved, MaskPlacement.of(climbed.vector, evidence.size), std, factor, climbed.gain, climbed.converged, seconds
-    )
+        factor, climbed, evidence = with_dispersion(taken, of_scenes, climbed, evidence)
     if not climbed.converged:
-        warn(f"{registered}", NotRegistered, stacklevel=2)
-    return registered
+        lost = _not_registered(snapshot, evidence.size, time.perf_counter() - began)
+        warn(f"{lost}", NotRegistered, stacklevel=2)
+        return lost
+    blocks = evidence.among(LAST.share * max(evidence.size) / 2, LAST.cells)
+    std = _std(deviations(evidence, climbed.vector, blocks), evidence.size)
+    gain, moved = gain_over_drawn(evidence, climbed.vector, blocks), _moved(taken, evidence, climbed).to(device)
+    placement, seconds = MaskPlacement.of(climbed.vector, evidence.size), time.perf_counter() - began
+    return Registered(moved, placement, std, factor, gain, True, seconds)
+
+
+def _not_registered(snapshot: Snapshot[Any], size: tuple[int, int], seconds: float) -> Registered:
+    nowhere = np.zeros(len(NAMES))
+    std = _std(np.full(len(NAMES), np.nan), size)
+    return Registered(snapshot, MaskPlacement.of(nowhere, size), std, 1.0, 0.0, False, seconds)
 
 
 def with_dispersion(
@@ -131,9 +139,10 @@ def with_dispersion(
             return 1.0, climbed, evidence
         other = scaled(snapshot, prior, 1 + error)
         vector = climb(other, vector, many, LAST._replace(steps=4))
-        around = (abs(error) - _NEARBY, abs(error) + _NEARBY)
+        around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
         error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
-    return 1 + error, climbed._replace(vector=vector), scaled(snapshot, prior, 1 + error)
+    inside = abs(error) < 0.98 * MOST_DISPERSION
+    return 1 + error, Climbed(vector, inside), scaled(snapshot, prior, 1 + error)
 
 
 def _stretched(
@@ -158,8 +167,7 @@ def _stretched(
 def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> MaskEvidence:
     """The evidence where bands lie so many times as far from their middle."""
     drawn = snapshot.camera.dispersion
-    middle = (min(drawn.displacement) + max(drawn.displacement)) / 2
-    bands = Dispersion(tuple(middle + factor * (one - middle) for one in drawn.displacement))
+    bands = drawn.scaled(factor)
     first, width = drawn.origin - bands.origin, snapshot.camera.size[1] + bands.extent
     aperture, shutter = snapshot.camera.codes()
     camera = snapshot.camera.replace(dispersion=bands, codes=Codes(aperture, on_columns(shutter, first, width)))
@@ -175,9 +183,9 @@ def _moved(snapshot: Snapshot[Any], evidence: MaskEvidence, climbed: Climbed) ->
     return replace(snapshot, values=evidence.values, camera=camera)
 
 
-def _std(climbed: Climbed, size: tuple[int, int]) -> dict[str, float]:
+def _std(deviation: np.ndarray, size: tuple[int, int]) -> dict[str, float]:
     """By name, in pixels, degrees and shares."""
     half = max(size) / 2
-    down, right, turn, *rest = map(float, climbed.std[:6])
+    down, right, turn, *rest = map(float, deviation[:6])
     shares = dict(zip(("scale", "stretch", "shear"), (one / half for one in rest), strict=True))
     return {"down": down, "right": right, "rotation": math.degrees(turn / half), **shares}

@@ -54,6 +54,8 @@ _ELSEWHERE = ((5, 7), (-7, 5), (11, -3), (-3, -11), (9, 9), (-8, -6), (-10, 8), 
 _STANDS_OUT = 0.9
 """Share of the signed ranks of blocks that have to be for the place that was found."""
 _CENTRE = Stage(0.05, 0.25, 3, (), 0, 0.0)
+_FEWEST = 6
+"""Blocks, below which none of them tells a place from another."""
 
 
 class Climbed(NamedTuple):
@@ -61,14 +63,10 @@ class Climbed(NamedTuple):
 
     Args:
         vector: (8,) as `NAMES` say.
-        std: (8,) standard deviations, from the curvature of the evidence alone.
-        gain: of log evidence over the mask as it was drawn, a block.
         converged: the place stands out, and is within the limits of the search.
     """
 
     vector: np.ndarray
-    std: np.ndarray
-    gain: float
     converged: bool
 
 
@@ -76,18 +74,22 @@ def search(evidence: MaskEvidence, progress: Progress | None = None) -> Climbed:
     """The place of the mask under which a snapshot is most probable."""
     report = progress or (lambda share: None)
     half = max(evidence.size) / 2
-    vector = best_shift(evidence, evidence.among(_CENTRE.share * half, _CENTRE.cells), report)
-    for done, stage in enumerate(_STAGES, start=1):
-        blocks = evidence.among(stage.share * half, stage.cells)
+    centre, *parts = [evidence.among(stage.share * half, stage.cells) for stage in (_CENTRE, *_STAGES)]
+    if not centre or min(map(len, parts)) < 1 or len(parts[-1]) < _FEWEST:
+        return Climbed(np.zeros(len(NAMES)), False)
+    vector = best_shift(evidence, centre, report)
+    for done, (stage, blocks) in enumerate(zip(_STAGES, parts, strict=True), start=1):
         vector = climb(evidence, vector, blocks, stage)
         report(0.3 + 0.6 * done / len(_STAGES))
-    std = deviations(evidence, vector, blocks)
-    report(1.0)
+    inside = bool((np.abs(vector) < 0.98 * _MOST).all())
+    return Climbed(vector, inside and standing(evidence, vector, parts[-1]) > _STANDS_OUT)
+
+
+def gain_over_drawn(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> float:
+    """Of log evidence over the mask as it was drawn, a block."""
     drawn = np.zeros(len(NAMES))
     drawn[6] = vector[6]
-    gain = (evidence.value(vector, blocks) - evidence.value(drawn, blocks)) / len(blocks)
-    inside = bool((np.abs(vector) < 0.98 * _MOST).all())
-    return Climbed(vector, std, gain, inside and standing(evidence, vector, blocks) > _STANDS_OUT)
+    return (evidence.value(vector, blocks) - evidence.value(drawn, blocks)) / len(blocks)
 
 
 def standing(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> float:

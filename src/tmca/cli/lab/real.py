@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import sys
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,13 +86,18 @@ def _by_evidence(captures: list[Path], prototype: Any, mask: Path, prior: Path |
     from tmca.registration import register
 
     as_filed = prototype.model_copy(update={"registration": MaskImage()})
+    reports, lines = list[dict[str, Any]](), list[str]()
     for file in captures:
         with progress_bar(f"register: {file.name}") as progress:
             registered = register(import_capture(file, as_filed, mask), prior, progress=progress)
-        std, found = registered.std, {"dispersion": registered.dispersion, "converged": registered.converged}
-        exact = f"  ± {std['down']:.3f} and {std['right']:.3f} px, {std['rotation']:.4f}°, {std['scale']:.5f} of scale"
-        lines = [f"{file}: {registered}", *([exact] if registered.converged else [])]
-        say({**registered.placement.described(), **found, "std": std}, as_json, *lines)
+        std = {name: value if isfinite(value) else None for name, value in registered.std.items()}
+        place = {**registered.placement.described(), "dispersion": registered.dispersion, "std": std}
+        reports.append({"capture": str(file), "converged": registered.converged, **place})
+        lines.append(f"{file}: {registered}")
+        if None not in std.values():
+            exact = "  ± {down:.3f} and {right:.3f} px, {rotation:.4f}°, {scale:.5f} of scale"
+            lines.append(exact.format(**std))
+    say(reports, as_json, *lines)
 
 
 def _shutter_place(captures: list[Path], prototype: Any, name: str | None, shift: str | None, as_json: bool) -> None:

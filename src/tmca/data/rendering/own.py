@@ -42,7 +42,7 @@ def pixels_of(path: Path) -> NDArray[np.float32]:
     Raises:
         DataError: it cannot be read, or is no photograph.
     """
-    pixels = read_picture(path) if path.suffix.lower() in PICTURES else read_array(path)
+    pixels = read_picture(path) if path.suffix.lower() in PICTURES else _tiff(path)
     if pixels.dtype == np.int32 and path.suffix.lower() == ".png":  # Pillow's type of 16-bit greys
         pixels = pixels.astype(np.uint16)
     if pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[-1] in (1, 2)):
@@ -53,6 +53,20 @@ def pixels_of(path: Path) -> NDArray[np.float32]:
         inks = " (inks)" if colours == 4 else ""
         raise DataError(path, f"pixels of shape {pixels.shape}{inks} and type {pixels.dtype}", _WANTED)
     return np.ascontiguousarray(pixels[..., :3].astype(np.float32) / np.float32(most))
+
+
+def _tiff(path: Path) -> NDArray[Any]:
+    from tifffile import PHOTOMETRIC, TiffFile, TiffFileError
+
+    pixels = read_array(path)
+    try:
+        with TiffFile(path) as file:
+            inks = file.pages.first.photometric == PHOTOMETRIC.SEPARATED
+    except (TiffFileError, OSError, IndexError):
+        return pixels
+    if inks:
+        raise DataError(path, "a picture in inks (CMYK)", _WANTED)
+    return pixels
 
 
 def _most(dtype: np.dtype[Any]) -> int | None:
