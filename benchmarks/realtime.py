@@ -9,15 +9,15 @@ import argparse
 import json
 import os
 import platform
-import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 HEAD = """# Decoding live: seconds of a frame
 
-Command: `{command}` at commit `{commit}`; torch {torch}, {machine}, one thread. The load of the {cores} cores was
-{load:.1f} when it began and {after:.1f} when it ended (its own is 1).
+Command: `{command}` at commit {commits}; torch {torch}, {machine}, one thread. The load of the {cores} cores was at
+most {load:.1f} when a row began (its own is 1).
 
 *First* is the first frame of a camera, *preparing* computes what depends on camera, noise and prior alone, *next* is
 another frame of that camera, prepared; a *frame* of a decoder that prepares nothing is like any other. Of first frames
@@ -67,27 +67,43 @@ def missed(found: dict[str, float], goals: dict[str, float]) -> list[str]:
     ]
 
 
-def row_of(name: str, tree: Path | None) -> tuple[str, str]:
+def row_of(name: str, row: Any, figures_of: dict[str, Any]) -> tuple[str, str]:
     """A row of the page, and why it misses goals, if it does."""
+    found, earlier, goals = {**figures_of["found"]}, figures_of["before"], {**row.goals}
+    for figure, goal in (row.over_before or {}).items() if earlier else ():
+        ratio = f"{figure} over before"
+        found[ratio], goals[ratio] = found[figure] / next(iter(earlier.values())), goal
+    misses = missed(found, goals)
+    reason = f"- **{name}**: {', '.join(misses)}. {row.why}".rstrip() if misses else ""
+    return f"| {name} | {row.what} | {figures(found, goals)} | {figures(earlier, {})} |", reason
+
+
+def measure(names: list[str], tree: Path | None, file: Path | None) -> dict[str, Any]:
+    """Figures by row: those of the file that were measured at this commit, and the others, which are stored in it one
+    after the other; what was stopped goes on."""
     from realtime_rows import ROWS
 
-    row = ROWS[name]
-    found, goals, earlier = measured(name), {**row.goals}, dict[str, float]()
-    if tree and row.before:
-        earlier = measured(name, tree)
-        for figure, goal in (row.over_before or {}).items():
-            ratio = f"{figure} over before"
-            found[ratio], goals[ratio] = found[figure] / next(iter(earlier.values())), goal
-    said, misses = figures(found, goals), missed(found, goals)
-    print(f"{name}: {said}" + (f"; before {figures(earlier, {})}" if earlier else ""), flush=True)
-    reason = f"- **{name}**: {', '.join(misses)}. {row.why}".rstrip() if misses else ""
-    return f"| {name} | {row.what} | {said} | {figures(earlier, {})} |", reason
+    from tmca.data import write_text
+    from tmca.evaluation.tables import repository_commit
+
+    known: dict[str, Any] = json.loads(file.read_text()) if file and file.exists() else {}
+    commit = repository_commit()
+    for name in names:
+        if name in known and known[name]["commit"] == commit:
+            continue
+        load = os.getloadavg()[0]
+        found, earlier = measured(name), measured(name, tree) if tree and ROWS[name].before else {}
+        known[name] = {"found": found, "before": earlier, "commit": commit, "load": load}
+        print(f"{name}: {figures(found, ROWS[name].goals)}", flush=True)
+        if file:
+            write_text(json.dumps(known, indent=1, ensure_ascii=False) + "\n", file, overwrite=True)
+    return known
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="rows whose name contains this text")
-    parser.add_argument("--out", type=Path, help="a page of the results, Markdown")
+    parser.add_argument("--only", default="", help="measure rows whose name contains this text")
+    parser.add_argument("--out", type=Path, help="a page of the results, Markdown; the figures are in a JSON beside it")
     parser.add_argument("--before", type=Path, help="a checkout of another commit, measured too")
     parser.add_argument("--row", help=argparse.SUPPRESS)
     parser.add_argument("--as-before", action="store_true", help=argparse.SUPPRESS)
@@ -100,28 +116,27 @@ def main() -> None:
         row = ROWS[options.row]
         print(json.dumps((row.before if options.as_before and row.before else row.measure)()))
         return
-    load = os.getloadavg()[0]
-    rows = [row_of(name, options.before) for name in ROWS if options.only in name]
+    names = [name for name in ROWS if options.only in name]
+    known = measure(names, options.before, options.out and options.out.with_suffix(".json"))
     if options.out:
         from tmca.data import write_text
 
-        write_text(page(rows, options, load), options.out, overwrite=True)
+        write_text(page({name: known[name] for name in ROWS if name in known}, options), options.out, overwrite=True)
 
 
-def page(rows: list[tuple[str, str]], options: argparse.Namespace, load: float) -> str:
-    """The table, and the goals that are not reached; ``load`` is that of the machine when it began."""
+def page(known: dict[str, Any], options: argparse.Namespace) -> str:
+    """The table, and the goals that are not reached."""
     import torch
-
-    from tmca.evaluation.tables import repository_commit
+    from realtime_rows import ROWS
 
     git = ["git", "-C", str(options.before), "rev-parse", "--short=12", "HEAD"]
     before = BEFORE.format(commit=subprocess.check_output(git, text=True).strip()) if options.before else ""
-    words = [f"--only {shlex.quote(options.only)}"] if options.only else []
-    words += ["--before CHECKOUT"] if options.before else []
+    words = ["--before CHECKOUT"] if options.before else []
     command = " ".join(["python benchmarks/realtime.py", *words, f"--out {options.out}"])
-    head = HEAD.format(command=command, commit=repository_commit(), torch=torch.__version__,
-                       machine=platform.machine(), cores=os.cpu_count(), load=load, after=os.getloadavg()[0],
-                       before=before)  # fmt: skip
+    commits, loads = sorted({one["commit"] for one in known.values()}), [one["load"] for one in known.values()]
+    head = HEAD.format(command=command, commits=" and ".join(f"`{one}`" for one in commits), torch=torch.__version__,
+                       machine=platform.machine(), cores=os.cpu_count(), load=max(loads), before=before)  # fmt: skip
+    rows = [row_of(name, ROWS[name], one) for name, one in known.items()]
     reasons = "\n".join(reason for _, reason in rows if reason)
     tail = f"\n## Goals that are not reached\n\n{reasons}\n" if reasons else ""
     return head + "\n".join(line for line, _ in rows) + "\n" + tail

@@ -77,12 +77,12 @@ def light_field() -> Taken:
 def spectral_depth() -> Taken:
     """256×256 pixels in 25 bands behind the masks of the thesis."""
     camera = tmca.SpectralDepthCamera.from_preset("thesis", sensor=SENSOR)
-    return _taken(camera, camera.fitted(tmca.read("coffee", kind="spectral-depth")))
+    return _taken(camera, tmca.read("coffee", kind="spectral-depth"))
 
 
 def prepared(taken: Taken, name: str, **options: Any) -> Found:
-    """Seconds of a first frame, of preparing and of a next frame; its PSNR, and the largest difference that preparing
-    makes."""
+    """Seconds of a first frame, of preparing and of a next frame, and what the process held at most; the PSNR, and the
+    largest difference that preparing makes."""
     decoder, clock, made = _decoder(taken, name, options), Clock(), list[Any]()
     first = clock.seconds(lambda: made.append(decode(taken.first, name, **options)))
     anew = decode(taken.second, name, **options)
@@ -90,8 +90,8 @@ def prepared(taken: Taken, name: str, **options: Any) -> Found:
     estimate = made[-1](taken.second)
     difference = float((estimate.values - anew.values).abs().max())
     next_frame = clock.median(lambda: made[-1](taken.second), _MOST)
-    times = {"first": first, "preparing": preparing, "next": next_frame}
-    return times | {"PSNR": quality(estimate, taken), "largest difference": difference}
+    found = {"first": first, "preparing": preparing, "next": next_frame, "peak, GB": peak_memory()}
+    return found | {"PSNR": quality(estimate, taken), "largest difference": difference}
 
 
 def with_and_without(taken: Taken, name: str) -> Found:
@@ -153,18 +153,13 @@ def two_buckets() -> Found:
     return found | {"next over one bucket": found["next"] / one["next"]}
 
 
-def of_large() -> Found:
-    """With the peak of the process's memory."""
-    return with_and_without(large(), "lmmse") | {"peak, GB": peak_memory()}
-
-
 def likelihood() -> Found:
     """Beside the floor, the operator forward and back."""
     from tmca.data.in_memory import as_tensors
 
     taken = spectral_depth()
     camera = taken.first.camera
-    cube, depth = as_tensors(taken.scene)
+    cube, depth = as_tensors(camera.fitted(taken.scene))
 
     def there_and_back() -> Tensor:
         return camera.A_adjoint(camera.A(cube, depth), depth)
@@ -302,7 +297,7 @@ ROWS: dict[str, Row] = {
     "large": Row(
         "660×660×28, one mask, 2 px a band, LMMSE with deviation",
         {"first": 25.0, "first, estimate alone": 25.0, "next": 8.0, "peak, GB": 4.0},
-        of_large,
+        lambda: with_and_without(large(), "lmmse"),
         lambda: unprepared(large(), "lmmse", 1, **WITH_DEVIATION),
         why=_EVERY_BLOCK.format(blocks="3 740", measurements=376, operations="5·10¹²", seconds=70),
     ),

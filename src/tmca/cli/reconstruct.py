@@ -148,7 +148,7 @@ class _Job:
         settings: of the decoder.
         asked: of all.
         several: whether there are several decoders.
-        placed: where the mask of ``taken`` was found to lie, in words.
+        placed: where the mask of ``taken`` lies, after `register`.
     """
 
     file: Path
