@@ -136,7 +136,7 @@ def test_a_snapshot_gives_cube_and_depth_back_with_files_and_pictures(tmp_path, 
     assert 0 <= metrics["within_bin"] <= 1
     file = found.save(tmp_path / "found.nc")
     with xr.open_dataset(file) as kept:
-        assert set(kept.data_vars) == {"radiance", "depth", "confidence"}
+        assert set(kept.data_vars) == {"radiance", "depth", "depth_deviation", "confidence"}
     for picture in estimate_pictures(found, file, snapshot=taken, truth=scene):
         assert picture.stat().st_size > 10_000
     assert estimate_pictures(found, tmp_path / "alone.nc")[0].exists()
