@@ -114,7 +114,8 @@ def _decoder(taken: Taken, name: str, options: Mapping[str, Any]) -> Any:
     """A decoder whose prior was learned before any frame, and is cached."""
     camera = taken.first.camera
     decoder = make_decoder(name, camera.kind, options)
-    find_prior(camera, None, decoder.prior_kind)
+    if decoder.prior_kind is not None:
+        find_prior(camera, None, decoder.prior_kind)
     return decoder
 
 
