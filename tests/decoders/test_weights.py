@@ -5,7 +5,7 @@ import torch
 
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import rendered_scene, select_bands
-from tmca.decoders import Weights, build_network, decode
+from tmca.decoders import Weights, build_network, decode, usual_for
 from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError, SettingError, ShapeError
@@ -152,6 +152,18 @@ def test_the_network_beats_the_lmmse_it_starts_from(coffee, slots, noise):
     prior = weights.load_prior()
     plain, trained = decode(snapshot, "lmmse", prior=prior), decode(snapshot, "network", weights=weights)
     assert float(psnr(trained.estimate, coffee)) > float(psnr(plain.estimate, coffee)) + 0.1
+
+
+def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_else_is_asked(coffee):
+    own = Weights.find("default", 8).camera_for((64, 64), sensor=SENSORS["σ = 0.01"])
+    other = SpectralCamera(own.wavelengths, (64, 64), 8, period=32, sensor=own.sensor)
+    taken = Snapshot(own(coffee[..., :64, :64], generator=0).detach(), own)
+    assert usual_for(own) == ("network", {"weights": "default"})
+    assert decode(taken).decoder == "network"
+    for unlike in (other, own.replace(exposure="per-slot"), SpectralCamera(6, (64, 64), 8, period=32)):
+        assert usual_for(unlike) == ("lmmse", {})
+    prior = Weights.find("default", 8).load_prior()
+    assert decode(taken, prior=prior).decoder == decode(taken, uncertainty=True).decoder == "lmmse"
 
 
 @pytest.mark.slow

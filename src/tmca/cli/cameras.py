@@ -82,7 +82,7 @@ class CameraChoice:
             remedy = "leave one of the two out"
             raise SettingError(self.option, found, "learned codes and optics, or chosen ones", remedy)
         slots = getattr(spec, "slots", None) if spec.has("slots") else None
-        weights = Weights.find(name, slots or 8)
+        weights = Weights.find(name, slots or 8, spec.kind)
         weights.check_kind(spec.kind)
         weights.check_codes()
         if slots not in (None, weights.slots):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
+from tmca.cli.decoder_settings import check_dictionary, given_settings, known_settings, settings_of_texts
 from tmca.cli.options.numbers import MaybeWhole, On
 from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
 from tmca.errors import OutputError, SettingError, TmcaError, check_choice
@@ -53,12 +54,12 @@ def reconstruct(
     Args:
         snapshot: snapshot file; it carries codes, optics, exposure and noise, and says which camera took it.
         others: more of them.
-        decoder: one that `tmca decoders` lists for the camera: lmmse (default), admm-tv, pnp-subspace, tikhonov,
-            dagger, network, …; space-time-mixture for scenes that move; of a spectral snapshot also lmmse-adapted (its
-            prior refitted to the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a
-            spectral-depth snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch prior;
-            or network. Your own is FILE.py:Class, or FILE.pt2 of `tmca decoder export`. Several are separated by
-            commas.
+        decoder: one that `tmca decoders` lists for the camera: lmmse (default; behind codes that come with tmca the
+            network that comes with them), admm-tv, pnp-subspace, tikhonov, dagger, network, …;
+            space-time-mixture for scenes that move; of a spectral snapshot also lmmse-adapted (its prior refitted to
+            the snapshot itself); of a light-field snapshot also dictionary, dictionary-omp. Of a spectral-depth
+            snapshot likelihood: depth and spectrum by the likelihood of every plane under a patch prior; or network.
+            Your own is FILE.py:Class, or FILE.pt2 of `tmca decoder export`. Several are separated by commas.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
         weights: of a network: a file or run of `tmca train`; or one that comes with tmca for spectral snapshots:
@@ -164,22 +165,21 @@ class _Job:
     def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
         """One whose decoder may be the usual one of the snapshot's camera; where there are several decoders, each
         takes of the settings those that it has."""
-        from tmca.applications import application_of
         from tmca.decoders import decoders_for
         from tmca.lab.calibration.apply import load_snapshot
 
         taken = load_snapshot(file, asked.calibration)
-        kind, usual = taken.camera.kind, "dictionary" if asked.dictionary else None
-        decoder = name or ("network" if asked.how["weights"] else usual or application_of(kind).default_decoder)
+        kind, (usual, made) = taken.camera.kind, _usual(taken.camera, asked)
+        decoder, made = (name, {}) if name else (usual, made)
         available = decoders_for(kind, moving=None)
         chosen = available.get(decoder)
         if asked.dictionary is not None:
-            _check_dictionary(asked.dictionary, decoder, kind, available)
-        how, texts = _given(chosen, asked.how), asked.texts
+            check_dictionary(asked.dictionary, decoder, kind, available)
+        how, texts = given_settings(chosen, asked.how) | made, asked.texts
         if several and chosen is not None:
-            how = {name: value for name, value in how.items() if name in _known(chosen)}
-            texts = [text for text in texts if text.partition("=")[0].strip() in _known(chosen)]
-        return cls(file, taken, decoder, chosen, how | _settings(chosen, texts), asked, several)
+            how = {name: value for name, value in how.items() if name in known_settings(chosen)}
+            texts = [text for text in texts if text.partition("=")[0].strip() in known_settings(chosen)]
+        return cls(file, taken, decoder, chosen, how | settings_of_texts(chosen, texts), asked, several)
 
     @property
     def target(self) -> Path:
@@ -222,7 +222,7 @@ class _Job:
         report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
                   "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
         shown = estimate.to_xarray()
-        remarks = [*self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
+        remarks = [*self._own(), *self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
         if self.placed is not None:
             report["registered"] = str(self.placed)
             remarks = [str(self.placed), *remarks] if self.placed.converged else remarks
@@ -249,6 +249,11 @@ class _Job:
         except SettingError:
             return None
         return prior
+
+    def _own(self) -> list[str]:
+        """That the decoder was chosen by the codes, where it was."""
+        chosen = self.settings.get("weights") is not None and self.asked.how["weights"] is None
+        return [f"{self.decoder}: the one that comes with tmca for these codes; --decoder takes another"] * chosen
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""
@@ -343,47 +348,30 @@ def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool
     return [f"{save_figure(figure, picture, overwrite=overwrite, dpi=200)}: all side by side"]
 
 
-def _known(decoder: type[Decoder]) -> set[str]:
-    """Names of the settings of a decoder."""
-    from tmca.arguments import settings_of
+def _usual(camera: Any, asked: _Asked) -> tuple[str, dict[str, Any]]:
+    """Decoder where none is named, and its settings: one that was made for the camera where nothing else is asked."""
+    from tmca.applications import application_of
+    from tmca.decoders import usual_for
 
-    return {setting.name for setting in settings_of(decoder)}
+    if asked.how["weights"]:
+        return "network", {}
+    if asked.dictionary:
+        return "dictionary", {}
+    options = [value for option, value in asked.how.items() if option != "uncertainty"]
+    own = asked.texts or asked.prior or asked.bank or any(value is not None for value in options)
+    name, settings = ("", dict[str, Any]()) if own else usual_for(camera)
+    return (name, settings) if settings else (application_of(camera.kind).default_decoder, {})
 
 
 def _check_taken(jobs: Sequence[_Job], asked: _Asked) -> None:
     """Raises SettingError for a setting that none of several decoders has."""
-    known = {name for job in jobs if job.cls is not None for name in _known(job.cls)}
+    known = {name for job in jobs if job.cls is not None for name in known_settings(job.cls)}
     named = [text.partition("=")[0].strip() for text in asked.texts]
     named += [name for name, value in asked.how.items() if value is not None and name != "uncertainty"]
     for name in named:
         if name not in known:
             used = ", ".join(dict.fromkeys(job.decoder for job in jobs))
             raise SettingError(name, f"a setting of none of {used}", "one of theirs", "leave it out")
-
-
-def _given(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
-    """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
-    predicts = decoder is None or decoder.deviation
-    return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
-
-
-def _check_dictionary(file: Path, decoder: str, kind: str, available: dict[str, type[Decoder]]) -> None:
-    using = [name for name, cls in available.items() if cls.prior_kind == "dictionary"]
-    if decoder not in using:
-        wanted = f"one for {', '.join(using)} alone" if using else f"none: no decoder of a {kind} camera uses one"
-        raise SettingError("dictionary", str(file), wanted, "leave it out")
-
-
-def _settings(decoder: type[Decoder] | None, texts: list[str]) -> dict[str, Any]:
-    """Settings of a decoder from ``NAME=VALUE``."""
-    from tmca.arguments import checked_settings
-
-    pairs = [text.partition("=") for text in texts]
-    for name, equals, _ in pairs:
-        if not (name and equals):
-            raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
-    named = {name.strip(): value.strip() for name, _, value in pairs}
-    return dict(named) if decoder is None else checked_settings(decoder, named, texts=True)
 
 
 for _camera in CAMERA_SPECS:

@@ -23,7 +23,7 @@ from tmca.decoders.pnp import (
     subspace_denoiser,
     tv_denoiser,
 )
-from tmca.decoders.registry import DECODERS, decoders, decoders_for, make_decoder, usual_decoder
+from tmca.decoders.registry import DECODERS, decoders, decoders_for, make_decoder, usual_decoder, usual_for
 from tmca.decoders.space_time import frame_operator
 from tmca.decoders.sparse import batch_omp, lasso_admm
 from tmca.decoders.tv import total_variation, tv_prox
@@ -70,6 +70,7 @@ __all__ = [
     "tv_denoiser",
     "tv_prox",
     "usual_decoder",
+    "usual_for",
 ]
 
 

@@ -24,7 +24,7 @@ from tmca.codes.files import differing
 from tmca.decoders.certainty import calibrate
 from tmca.decoders.estimate import PRIOR, Estimate
 from tmca.decoders.own import class_of_file, is_file
-from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder
+from tmca.decoders.registry import check_decodes, decoders_for, make_decoder, register, usual_decoder, usual_for
 from tmca.devices import enough_memory, usual_device
 from tmca.errors import DataError, SettingError, ShapeError, check_shape
 from tmca.plugins import failures_of, file_of, take
@@ -109,6 +109,11 @@ class Decoder(WithSettings, ABC):
             return find_prior(camera, given, self.prior_kind, progress)
         if given is not None:
             raise SettingError("prior", f"one for {self.name}", "none: it uses no prior", "leave it out")
+        return None
+
+    @classmethod
+    def usual_settings(cls, camera: Any) -> dict[str, Any] | None:
+        """Settings under which it is the usual decoder of a camera that it was made for; None of any other."""
         return None
 
     def scene_shape(self, camera: Any) -> tuple[int, ...]:
@@ -320,7 +325,9 @@ def decode(
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
     if decoder is None:
-        decoder = _usual(snapshot.camera) if prior is None else usual_decoder(kind)
+        alone = prior is None and bank is None and not settings
+        usual, settings = usual_for(snapshot.camera) if alone else (usual_decoder(kind), settings)
+        decoder = usual if prior is not None else _possible(usual, snapshot.camera)
     if isinstance(decoder, str | Path):
         decoder = class_of_file(str(decoder), Decoder) if is_file(str(decoder)) else str(decoder)
     made = make_decoder(decoder, kind, settings)
@@ -332,9 +339,9 @@ def decode(
     return replace(estimate, seconds=estimate.seconds + prepared.seconds)
 
 
-def _usual(camera: Any) -> str:
+def _possible(usual: str, camera: Any) -> str:
     """Name of the usual decoder of a camera, of one without a prior where the rendered scenes have none for it."""
-    usual, available = usual_decoder(camera.kind), decoders_for(camera.kind)
+    available = decoders_for(camera.kind)
     cls = available.get(usual)
     if cls is None or cls.prior_kind is None or _WITHOUT_PRIOR not in available or has_rendered(camera):
         return usual

@@ -42,6 +42,15 @@ def decoders() -> Mapping[str, type[Decoder]]:
     return DECODERS
 
 
+def usual_for(camera: Any) -> tuple[str, dict[str, Any]]:
+    """Name and settings of the decoder that a camera has where nothing is asked for: one that was made for it, such as
+    the network that comes with its codes; else that of its kind."""
+    for name, cls in decoders_for(camera.kind).items():
+        if (settings := cls.usual_settings(camera)) is not None:
+            return name, settings
+    return usual_decoder(camera.kind), {}
+
+
 def usual_decoder(kind: str) -> str:
     """Name of the decoder that a kind of camera has where none is asked for."""
     choices = decoders_for(kind)

@@ -234,7 +234,10 @@ class Plan:
             for name, code, noise, decoder, seed in rows
             if code.learn is None and not self._twin(code, noise)
             and (code.search is None or (name, noise, seed) in codes)
-            for cell in self._row(name, noise, decoder, seed, priors, codes=code.file or codes.get((name, noise, seed)))
+            for cell in self._row(
+                name, noise, decoder, seed, priors, codes=code.file or codes.get((name, noise, seed)),
+                camera_of=code.shown(study.camera),
+            )
         ]  # fmt: skip
 
     def _twin(self, code: Code, noise: str) -> bool:
@@ -261,7 +264,8 @@ class Plan:
             yield Measurement(
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
-                source=place.source, identity=_identity(place.identity, decoder, options, chosen.file),
+                source=place.source,
+                identity=_identity(place.identity, decoder, options, chosen.file or chosen.shown(study.camera)),
                 reading=place.reading,
                 settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes, part=place.part,
@@ -281,7 +285,8 @@ class Plan:
                 for name, code in study.codes.items():
                     if code.learn is not None or not code.train:
                         continue
-                    start = next((file for (n, _, s), file in codes.items() if (n, s) == (name, seed)), None)
+                    found = next((file for (n, _, s), file in codes.items() if (n, s) == (name, seed)), None)
+                    start = code.shown(study.camera) or found
                     if code.search is None or start is not None:
                         rounds[0].append(self._training(name, network, seed, start))
             for name, code in study.codes.items():
@@ -331,7 +336,7 @@ class Plan:
             behind += [(other, None) for other in others if other in study.decoders and other not in study.networks]
             for decoder, used in behind:
                 for noise in study.noises:
-                    shown = weights if learn else None
+                    shown = weights if learn else study.codes[name].shown(study.camera)
                     file = None if shown else codes.get((name, noise, seed))
                     cells += self._row(name, noise, decoder, seed, priors, codes=file, camera_of=shown, weights=used)
         return cells

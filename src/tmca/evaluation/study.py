@@ -12,7 +12,7 @@ from tmca.applications import application_of
 from tmca.attributes import unknown_name
 from tmca.cameras import CAMERAS, CodedCamera
 from tmca.codes import tile_of
-from tmca.decoders import decoders
+from tmca.decoders import Weights, decoders
 from tmca.errors import SettingError, TmcaError, check_choice
 from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
 from tmca.evaluation.study_parts import Code, Motion, PublishedTable, Scenes, StudyNetwork, TrainStage
@@ -115,6 +115,7 @@ class Study(Summary, BaseModel):
             self._dead_time(name, code)
             if code.file is not None and not Path(code.file).is_file():
                 raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
+            self._check_weights(name, code)
             if code.search and code.search.noise is not None:
                 check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
             if code.learn and code.learn.start is not None:
@@ -133,6 +134,14 @@ class Study(Summary, BaseModel):
                 raise SettingError(where, error.found, error.expected, error.remedy) from None
         object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
+
+    def _check_weights(self, name: str, code: Code) -> None:
+        """Raises DataError or SettingError for codes of weights that cannot be read, or are another camera's."""
+        shown = code.shown(self.camera)
+        if shown is not None:
+            weights = Weights.load(shown)
+            weights.check_kind(self.camera)
+            weights.check_codes()
 
     def _dead_time(self, name: str, code: Code) -> None:
         """Raises SettingError where the camera has none, or a network would learn without it."""

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
+from tmca.decoders import Weights
 from tmca.design.kinds import KINDS, buckets_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
@@ -79,6 +80,7 @@ class Code(Strict):
     Args:
         camera: settings of the camera, beside those of all codes.
         file: of codes of `tmca design`, or a snapshot whose codes they are.
+        weights: whose codes they are, with their camera: a file or run of `tmca train`, or ``default``.
         search, learn: where they are searched or learned.
         train: whether networks are trained behind them.
         dead_time: share of every slot in which no bucket collects light, in hundredths: the readouts of a burst.
@@ -86,6 +88,7 @@ class Code(Strict):
 
     camera: Settings = {}
     file: str | None = None
+    weights: str | None = None
     search: SearchedCodes | None = None
     learn: LearnedCodes | None = None
     train: bool = True
@@ -93,9 +96,10 @@ class Code(Strict):
 
     @model_validator(mode="after")
     def _one_origin(self) -> Code:
-        """Codes of a file are not made; each frame of a searched burst is a bucket."""
-        if self.file is not None and (self.search or self.learn):
-            raise SettingError("file", "codes of a file that are searched or learned", "one of them")
+        """Codes of a file or of weights are not made; each frame of a searched burst is a bucket."""
+        origins = [name for name in ("file", "weights", "search", "learn") if getattr(self, name) is not None]
+        if len(origins) > 1 and {"file", "weights"} & {*origins}:
+            raise SettingError(origins[0], f"codes of {' and '.join(origins)}", "one of them")
         if self.search and self.search.kind == BURST and "buckets" in self.camera:
             given, frames = self.camera["buckets"], buckets_of(BURST, self.search.slots or 1)
             if given != frames:
@@ -121,6 +125,12 @@ class Code(Strict):
         stored, kind = self._stored, self.search.kind if self.search else None
         searched = buckets_of(kind, self.search.slots or 1) if self.search and kind in KINDS else 1
         return stored.buckets if stored else int(self.camera.get("buckets", searched))
+
+    def shown(self, kind: str) -> str | None:
+        """File of the weights whose codes they are, of a kind of camera; None without."""
+        if self.weights is None:
+            return None
+        return str(Weights.find(self.weights, int(self.camera.get("slots", 8)), kind).path)
 
     @property
     def _stored(self) -> CodesFile | None:

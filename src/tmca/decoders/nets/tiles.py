@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass
 from itertools import product
 from math import lcm
@@ -169,6 +170,12 @@ class CollapsedNetwork:
         self.size, side = (height, width), max(height, width) if tile is None else min(tile, network.tile)
         across = side if keeps_columns(operator) else width
         self.tiles = tiles(network, self.size, (side, across))
+
+    def with_network(self, network: Network) -> CollapsedNetwork:
+        """The same with another network of its kind."""
+        other = copy(self)
+        other.network = network
+        return other
 
     def precompute(self) -> None:
         """Compute what first estimates of many snapshots have in common."""

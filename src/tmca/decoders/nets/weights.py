@@ -17,12 +17,12 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 from torch import Tensor
 
-import tmca
 from tmca.arguments import reason
 from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_of
 from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
+from tmca.decoders.nets.shipped import DEFAULT, FOLDER, UNIVERSAL, shipped_file
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.decoders.nets.weights_0_1 import of_version_0_1
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
@@ -35,11 +35,6 @@ if TYPE_CHECKING:
 
 FORMATS = ("tmca weights 1", "tmca weights 2")
 """Of version 0.1, and of this one."""
-SHIPPED = {"spectral": ("static", "multiplexed")}
-"""Files that come with the package by kind of camera: for one slot, and for several."""
-UNIVERSAL = "universal"
-"""Name of the weights that come with the package for spectral cameras of any bands, codes and buckets."""
-FOLDER = Path(tmca.__file__).parent / "weights"
 RENDERED = "rendered"
 """Name of the prior of the rendered scenes, which is in no file beside the weights."""
 _OPTICS = ("disperser", "exposure", "dispersion", "shear")
@@ -291,20 +286,18 @@ class Weights:
         return cls(restored.eval(), variables, about.prior, about.card, path)
 
     @classmethod
-    def find(cls, name: str | Path, slots: int = 8) -> Weights:
+    def find(cls, name: str | Path, slots: int = 8, kind: str = "spectral") -> Weights:
         """Weights by their file or the folder of their run, or those that come with the package: ``"default"`` for a
-        camera of as many slots, ``"universal"`` for any; ``weights/README.md`` beside them says what they are.
+        kind of camera of as many slots, ``"universal"`` for any spectral one; ``weights/README.md`` beside them says
+        what they are.
 
         Raises:
             DataError: no such file, or no weights of a camera in it.
+            SettingError: a kind of camera for which none come with the package.
         """
-        shipped = {"default": shipped_file(slots), UNIVERSAL: FOLDER / f"{UNIVERSAL}.safetensors"}
-        return cls.load(shipped.get(str(name), name))
-
-
-def shipped_file(slots: int) -> Path:
-    """The weights that come with the package for a camera of as many slots: one, or several."""
-    return FOLDER / f"{SHIPPED['spectral'][slots > 1]}.safetensors"
+        if str(name) == UNIVERSAL:
+            return cls.load(FOLDER / f"{UNIVERSAL}.safetensors")
+        return cls.load(shipped_file(slots, kind) if str(name) == DEFAULT else name)
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:

@@ -21,7 +21,7 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
 from tmca.codes.buckets import bucket_shutters, check_once, check_patterns
 from tmca.decoders import Weights
-from tmca.decoders.nets.weights import shipped_file
+from tmca.decoders.nets.shipped import shipped_file
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.display.devices import DeviceDescription
 from tmca.optics import family_parameters

@@ -1,0 +1,43 @@
+"""Settings of a decoder on the command line: options of their own, and ``--set NAME=VALUE``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tmca.errors import SettingError
+
+if TYPE_CHECKING:
+    from tmca.decoders import Decoder
+
+
+def known_settings(decoder: type[Decoder]) -> set[str]:
+    """Names of the settings of a decoder."""
+    from tmca.arguments import settings_of
+
+    return {setting.name for setting in settings_of(decoder)}
+
+
+def given_settings(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
+    """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
+    predicts = decoder is None or decoder.deviation
+    return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
+
+
+def check_dictionary(file: Path, decoder: str, kind: str, available: dict[str, type[Decoder]]) -> None:
+    using = [name for name, cls in available.items() if cls.prior_kind == "dictionary"]
+    if decoder not in using:
+        wanted = f"one for {', '.join(using)} alone" if using else f"none: no decoder of a {kind} camera uses one"
+        raise SettingError("dictionary", str(file), wanted, "leave it out")
+
+
+def settings_of_texts(decoder: type[Decoder] | None, texts: list[str]) -> dict[str, Any]:
+    """Settings of a decoder from ``NAME=VALUE``."""
+    from tmca.arguments import checked_settings
+
+    pairs = [text.partition("=") for text in texts]
+    for name, equals, _ in pairs:
+        if not (name and equals):
+            raise SettingError("set", repr(name), "NAME=VALUE, such as iterations=50")
+    named = {name.strip(): value.strip() for name, _, value in pairs}
+    return dict(named) if decoder is None else checked_settings(decoder, named, texts=True)

@@ -1,0 +1,160 @@
+"""A network that learns a little more from the snapshot at hand: test-time adaptation, which needs no truth.
+
+Some pixels are hidden from the network, and it learns to predict them from the others. Pixels that are hidden all the
+time say when to stop: from where their error grows the network learns the noise.
+"""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import torch
+from torch import Tensor
+
+from tmca.decoders.batches import part_of
+from tmca.decoders.decoder import Progress
+from tmca.decoders.nets.tiles import CollapsedNetwork, Tile, prepared_start, window_of
+from tmca.errors import check_range
+from tmca.operators import TapOperator, Taps
+
+RATE = 1e-4
+"""Of Adam."""
+HIDDEN = 0.1
+"""Share of the pixels that are hidden at a time."""
+_FOLDS = 3
+"""Sets of hidden pixels that are learned from."""
+_ROWS = 96
+"""Of a frame that are learned from in a step."""
+_EVERY, _PATIENCE = 5, 3
+"""Steps from one look at the pixels of the stop to the next, and looks without a gain."""
+_STARTED = 0.5
+"""Share of the time that first estimates take, as a rule."""
+
+
+@dataclass(frozen=True)
+class Blind:
+    """A snapshot some pixels of which are hidden, and what it starts from.
+
+    Args:
+        hidden: (H, W') True where a pixel is.
+        snapshot: (B, R, H, W'), zero there.
+        operator: that sees nothing there.
+        start: (B, L, H, W) first estimates.
+    """
+
+    hidden: Tensor
+    snapshot: Tensor
+    operator: TapOperator
+    start: Tensor
+
+    @classmethod
+    def of(cls, run: CollapsedNetwork, prior: Any, snapshot: Tensor, hidden: Tensor) -> Self:
+        operator = TapOperator(without(run.operator.taps, hidden))
+        seen = snapshot * ~hidden
+        return cls(hidden, seen, operator, prepared_start(run.network.start, operator, run.noise, prior)(seen, None))
+
+    def error(self, network: Any, run: CollapsedNetwork, snapshot: Tensor, tile: Tile) -> tuple[Tensor, Tensor]:
+        """Sums over the hidden pixels of a tile: of squared errors of their prediction, and of their squares."""
+        light, part = window_of(self.operator, self.snapshot, tile)
+        estimate = network.outputs(light, part, run.noise, self.start[(..., *tile.seen)])[0]
+        truth, whole = window_of(run.operator, snapshot, tile)
+        hidden = self.hidden[tile.seen[0], tile.seen[1].start : tile.seen[1].start + truth.shape[-1]]
+        return ((whole.A(estimate) - truth).square() * hidden).sum(), (truth.square() * hidden).sum()
+
+
+def without(taps: Taps, hidden: Tensor) -> Taps:
+    """The taps of a sensor of which some pixels (H, W') see nothing."""
+    open_, columns = (~hidden).to(taps.code), taps.code.shape[2]
+    shown = torch.stack([open_[:, offset : offset + columns] for offset in taps.offsets])
+    return replace(taps, code=taps.code * shown)
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """A network after adaptation.
+
+    Args:
+        run: the decoder with it.
+        steps: that it learned.
+        before, after: relative error of the pixels of the stop, root mean square.
+    """
+
+    run: CollapsedNetwork
+    steps: int
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        return f"{self.steps} steps, hidden pixels {self.before:.2%} → {self.after:.2%}"
+
+
+def adapted(
+    run: CollapsedNetwork, prior: Any, snapshot: Tensor, steps: int, *, stop: bool = True,
+    progress: Progress | None = None,
+) -> Adapted:  # fmt: skip
+    """Adapt a network to snapshots of its camera; the given one stays as it is.
+
+    Args:
+        run: the network behind its camera.
+        prior: of its first estimates.
+        snapshot: (B, R, H, W').
+        steps: of Adam, at most.
+        stop: end where the error of pixels that are never learned from has not fallen for a while, and take the step
+            at which it was least; False takes the last step.
+        progress: called with the share that is done.
+
+    Raises:
+        SettingError: less than a step.
+    """
+    check_range("adapt", steps, 1)
+    random = torch.Generator().manual_seed(0)
+    draw = torch.rand(snapshot.shape[-2:], generator=random).to(snapshot.device)
+    parts = [(draw >= HIDDEN * fold) & (draw < HIDDEN * (fold + 1)) for fold in range(_FOLDS + 1)]
+    begun = part_of(progress, 0, _STARTED)
+    blinds = list[Blind]()
+    for done, hidden in enumerate(parts, start=1):
+        blinds.append(Blind.of(run, prior, snapshot, hidden))
+        begun(done / len(parts))
+    watched, learned = blinds[0], blinds[1:]
+    network = deepcopy(run.network).requires_grad_(True)
+    best = before = _watched(watched, network, run, snapshot)
+    kept, taken, waited = deepcopy(network.state_dict()), 0, 0
+    optimiser = torch.optim.Adam(network.parameters(), RATE)
+    report = part_of(progress, _STARTED, 1)
+    for step in range(1, steps + 1):
+        _learn(learned[step % _FOLDS], network, run, snapshot, optimiser, random)
+        report(step / steps)
+        if step % _EVERY and step < steps:
+            continue
+        error = _watched(watched, network, run, snapshot)
+        if error < best or not stop:
+            best, kept, taken, waited = error, deepcopy(network.state_dict()), step, 0
+        elif (waited := waited + 1) == _PATIENCE:
+            break
+    network.load_state_dict(kept)
+    return Adapted(run.with_network(network), taken, before, best)
+
+
+@torch.enable_grad()
+def _learn(
+    blind: Blind, network: Any, run: CollapsedNetwork, snapshot: Tensor, optimiser: Any, random: torch.Generator
+) -> None:
+    """One step on some rows of a frame."""
+    height, width = run.size
+    rows = min(_ROWS, height)
+    top = int(torch.randint((height - rows) // network.multiple + 1, (), generator=random)) * network.multiple
+    place = (slice(top, top + rows), slice(0, width))
+    whole = Tile(place, place, (slice(0, rows), slice(0, width)))
+    optimiser.zero_grad()
+    error, power = blind.error(network, run, snapshot, whole)
+    (error / power).backward()
+    optimiser.step()
+
+
+@torch.no_grad()
+def _watched(blind: Blind, network: Any, run: CollapsedNetwork, snapshot: Tensor) -> float:
+    """Relative error of the hidden pixels of a whole frame."""
+    sums = torch.stack([torch.stack(blind.error(network, run, snapshot, tile)) for tile in run.tiles]).sum(0)
+    return float((sums[0] / sums[1]).sqrt())
