@@ -160,7 +160,8 @@ def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_e
     taken = Snapshot(own(coffee[..., :64, :64], generator=0).detach(), own)
     assert usual_for(own) == ("network", {"weights": "default"})
     assert decode(taken).decoder == "network"
-    for unlike in (other, own.replace(exposure="per-slot"), SpectralCamera(6, (64, 64), 8, period=32)):
+    for unlike in (other, own.replace(exposure="per-slot"), SpectralCamera(6, (64, 64), 8, period=32),
+                   SpectralCamera(12, (20, 24), 8), SpectralCamera(12, (20, 24), 1, shutter="open")):  # fmt: skip
         assert usual_for(unlike) == ("lmmse", {})
     prior = Weights.find("default", 8).load_prior()
     assert decode(taken, prior=prior).decoder == decode(taken, uncertainty=True).decoder == "lmmse"

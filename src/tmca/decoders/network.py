@@ -110,4 +110,5 @@ def _comes_with_tmca(camera: Any) -> bool:
     weights = Weights.find(DEFAULT, camera.slots, camera.kind)
     if weights.slots != camera.slots or not same_bands(weights.wavelengths, getattr(camera, "wavelengths", ())):
         return False
-    return not weights.differences(camera)
+    shown = camera.variables(tiled=True).sizes
+    return (shown.get("y_tile"), shown.get("x_tile")) == weights.period and not weights.differences(camera)
