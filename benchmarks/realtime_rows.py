@@ -211,14 +211,14 @@ def operators() -> Found:
 
 
 def live(exposures: int = 3600) -> Found:
-    """Estimates a second of `tmca live` with the simulated bench and a recording, all on this core, wall time; and the
-    memory that it holds."""
+    """Estimates a second of `tmca live` with a simulated bench of 30 exposures a second and a recording, all on this core,
+    wall time; and the memory that it holds."""
     with tempfile.TemporaryDirectory() as folder:
         snapshot, export = f"{folder}/s.nc", f"{folder}/patterns"
         codes = ["--slots", "8", "--shutter", "random", "--period", "32", "--read-noise", "0.01", "--bands", "12"]
         _run("simulate", "spectral", "coffee", "--crop", "256x256", *codes, "--out", snapshot)
         _run("export", snapshot, "--device", "dli4120", "--device", "coded-exposure", "--out", export, "--no-figures")
-        how = ["--scene", "coffee", "--drift", "0,1", "--no-page", "--json", "--rate", "100"]
+        how = ["--scene", "coffee", "--drift", "0,1", "--no-page", "--json", "--rate", "30"]
         words = ("live", export, *how, "--exposures", f"{exposures}", "--record", f"{folder}/r.zarr")
         said, held = _watched(*words)
     stated = {"estimates a second": said["rate"], "estimates": said["estimates"], "dropped": said["dropped"]}
