@@ -158,12 +158,14 @@ def main() -> None:
     parser.add_argument("--draws", type=int, nargs="+", default=[30, 20], help="of each number of bands")
     parser.add_argument("--bands", type=int, nargs="+", choices=BANDS, default=list(BANDS))
     parser.add_argument("--mask", type=Path, help="file of one of 256×256 pixels; a random one without it")
+    parser.add_argument("--seed", type=int, default=0, help="of the first draw")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, help="a page of the results, Markdown")
     options = parser.parse_args()
     scenes = [str(path) for path in read_split(options.scenes)]
     counts = zip(options.bands, options.draws * (len(options.bands) // len(options.draws)), strict=True)
-    work = [(bands, scenes[seed % len(scenes)], options.mask, seed) for bands, count in counts for seed in range(count)]
+    seeds = [(bands, options.seed + number) for bands, count in counts for number in range(count)]
+    work = [(bands, scenes[seed % len(scenes)], options.mask, seed) for bands, seed in seeds]
     work.sort(key=lambda piece: piece[-1])
     found: dict[int, Draw] = {}
     for place, one in in_processes(draw, work, options.jobs):
