@@ -276,9 +276,9 @@ class Row(NamedTuple):
 
 
 _EVERY_BLOCK = """Every block has a matrix of its own. Variances of {blocks} blocks of {measurements} measurements
-  take {operations} operations, {seconds} s at the 70 GFlop/s that products reach on this machine; estimates alone do
-  not need them. Tried: one estimate of the whole frame by conjugate gradients, which has not converged after 1 200
-  steps (circulant preconditioner) or 100 (overlapping blocks)."""
+  take {operations} operations, at the rate of the products in the first row; estimates alone do not need them.
+  Tried: one estimate of the whole frame by conjugate gradients, which has not converged after 1 200 steps (circulant
+  preconditioner) or 100 (overlapping blocks)."""
 _ADMM = """A hundred steps, each of a dozen passes over the cube and its gradients. Tried: a start from Tikhonov's
   estimate saves 20 steps and costs 15; a linearised data step has not converged after 160; MKL's transforms are no
   faster. Cosine transforms were replaced, and arrays halved."""
@@ -304,14 +304,14 @@ ROWS: dict[str, Row] = {
         {"first": 1.5, "first, estimate alone": 1.5, "next": 0.5},
         lambda: with_and_without(spectral(RANDOM), "lmmse"),
         lambda: unprepared(spectral(RANDOM), "lmmse", **WITH_DEVIATION),
-        why=_EVERY_BLOCK.format(blocks=608, measurements=300, operations="2·10¹¹", seconds=3),
+        why=_EVERY_BLOCK.format(blocks=608, measurements=300, operations="2·10¹¹"),
     ),
     "large": Row(
         "660×660×28, one mask, 2 px a band, LMMSE with deviation",
         {"first": 25.0, "first, estimate alone": 25.0, "next": 8.0, "peak, GB": 4.0},
         lambda: with_and_without(large(), "lmmse"),
         lambda: unprepared(large(), "lmmse", 1, **WITH_DEVIATION),
-        why=_EVERY_BLOCK.format(blocks="3 740", measurements=376, operations="5·10¹²", seconds=70),
+        why=_EVERY_BLOCK.format(blocks="3 740", measurements=376, operations="5·10¹²"),
     ),
     "mixture": Row(
         "256×256×12, tiles of 32, mixture with deviation",

@@ -19,12 +19,14 @@ def known_settings(decoder: type[Decoder]) -> set[str]:
 
 
 def given_settings(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
-    """Settings that have an option of their own; a standard deviation only of decoders that predict it."""
+    """Settings that have an option of their own; decoders that predict a standard deviation do, unless told not to."""
     predicts = decoder is None or decoder.deviation
-    return {name: v for name, v in options.items() if v is not None and (predicts or name != "uncertainty")}
+    options = {**options, "uncertainty": (options["uncertainty"] is not False) if predicts else None}
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def check_dictionary(file: Path, decoder: str, kind: str, available: dict[str, type[Decoder]]) -> None:
+    """Raises SettingError for a dictionary beside a decoder that uses none."""
     using = [name for name, cls in available.items() if cls.prior_kind == "dictionary"]
     if decoder not in using:
         wanted = f"one for {', '.join(using)} alone" if using else f"none: no decoder of a {kind} camera uses one"

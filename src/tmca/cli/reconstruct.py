@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
 from tmca.cli.decoder_settings import check_dictionary, given_settings, known_settings, settings_of_texts
-from tmca.cli.options.numbers import MaybeWhole, On
+from tmca.cli.options.numbers import MaybeOn, MaybeWhole
 from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
 from tmca.errors import OutputError, SettingError, TmcaError, check_choice
 from tmca.progress import progress_bar
@@ -38,7 +38,7 @@ def reconstruct(
     calibration: Path | None = None,
     dictionary: Path | None = None,
     tv_weight: float | None = None,
-    uncertainty: On = True,
+    uncertainty: MaybeOn = None,
     window: MaybeWhole = None,
     device: str | None = None,
     bank: Path | None = None,
@@ -62,9 +62,9 @@ def reconstruct(
             Your own is FILE.py:Class, or FILE.pt2 of `tmca decoder export`. Several are separated by commas.
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
-        weights: of a network: a file or run of `tmca train`; or one that comes with tmca for spectral snapshots:
-            universal (any bands from 400 to 700 nm, any codes, one bucket or two) or default (12 bands, learned
-            codes); the decoder is then network.
+        weights: of a network: a file or run of `tmca train`; or one that comes with tmca: universal (spectral, any
+            bands from 400 to 700 nm, any codes, one bucket or two) or default (with the codes of --weights default);
+            the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then cached).
         set_: NAME=VALUE, any setting of the decoder; `tmca decoders` lists them. May be given several times.
@@ -72,8 +72,8 @@ def reconstruct(
             in digital numbers need one.
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture); the universal
-            network always does.
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture: they do without it);
+            the universal network always does, networks that come with codes never.
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
@@ -149,6 +149,7 @@ class _Job:
         settings: of the decoder.
         asked: of all.
         several: whether there are several decoders.
+        own: whether the decoder was taken because it comes with the codes.
         placed: where the mask of ``taken`` lies, after `register`.
     """
 
@@ -159,6 +160,7 @@ class _Job:
     settings: dict[str, Any]
     asked: _Asked
     several: bool
+    own: bool = False
     placed: Registered | None = None
 
     @classmethod
@@ -179,7 +181,8 @@ class _Job:
         if several and chosen is not None:
             how = {name: value for name, value in how.items() if name in known_settings(chosen)}
             texts = [text for text in texts if text.partition("=")[0].strip() in known_settings(chosen)]
-        return cls(file, taken, decoder, chosen, how | settings_of_texts(chosen, texts), asked, several)
+        settings = how | settings_of_texts(chosen, texts)
+        return cls(file, taken, decoder, chosen, settings, asked, several, own=bool(made))
 
     @property
     def target(self) -> Path:
@@ -252,8 +255,8 @@ class _Job:
 
     def _own(self) -> list[str]:
         """That the decoder was chosen by the codes, where it was."""
-        chosen = self.settings.get("weights") is not None and self.asked.how["weights"] is None
-        return [f"{self.decoder}: the one that comes with tmca for these codes; --decoder takes another"] * chosen
+        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse has a standard deviation beside it"
+        return [said] if self.own else []
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""
@@ -349,7 +352,7 @@ def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool
 
 
 def _usual(camera: Any, asked: _Asked) -> tuple[str, dict[str, Any]]:
-    """Decoder where none is named, and its settings: one that was made for the camera where nothing else is asked."""
+    """Decoder where none is named, and its settings: one that was made for the camera, if it knows what is asked."""
     from tmca.applications import application_of
     from tmca.decoders import usual_for
 
@@ -357,9 +360,10 @@ def _usual(camera: Any, asked: _Asked) -> tuple[str, dict[str, Any]]:
         return "network", {}
     if asked.dictionary:
         return "dictionary", {}
-    options = [value for option, value in asked.how.items() if option != "uncertainty"]
-    own = asked.texts or asked.prior or asked.bank or any(value is not None for value in options)
-    name, settings = ("", dict[str, Any]()) if own else usual_for(camera)
+    given = [option for option, value in asked.how.items() if value not in (None, False)]
+    given += [text.partition("=")[0].strip() for text in asked.texts]
+    alone = not (asked.prior or asked.bank or asked.register)
+    name, settings = usual_for(camera, given) if alone else ("", dict[str, Any]())
     return (name, settings) if settings else (application_of(camera.kind).default_decoder, {})
 
 

@@ -292,8 +292,9 @@ def decode(
     Args:
         snapshot: values and camera, or the file that holds them.
         decoder: a name of `decoders_for` the camera, a class or an instance, ``FILE.py:Class``, which runs the file, or
-            ``FILE.pt2`` of `torch.export`, which makes (1, L, H, W) of (1, 1, H, W'); None for the camera's usual one,
-            or one without a prior where none is given and the rendered scenes have none for the camera.
+            ``FILE.pt2`` of `torch.export`, which makes (1, L, H, W) of (1, 1, H, W'); None for the camera's usual one
+            (`usual_for`: behind codes that come with tmca their network, without a prior or bank of your own), or one
+            without a prior where none is given and the rendered scenes have none for the camera.
         prior: a prior, its file, or None for that of the rendered scenes, learned on first use; the estimate notes it.
         progress: called with the share that is done; True for a bar, False for none; None for one that is shown after
             a second in a terminal or a notebook.
@@ -325,9 +326,9 @@ def decode(
     snapshot = snapshot if where is None else snapshot.to(where)
     kind = snapshot.camera.kind
     if decoder is None:
-        alone = prior is None and bank is None and not settings
-        usual, settings = usual_for(snapshot.camera) if alone else (usual_decoder(kind), settings)
-        decoder = usual if prior is not None else _possible(usual, snapshot.camera)
+        alone = prior is None and bank is None
+        usual, own = usual_for(snapshot.camera, settings) if alone else (usual_decoder(kind), {})
+        decoder, settings = usual if prior is not None else _possible(usual, snapshot.camera), own | settings
     if isinstance(decoder, str | Path):
         decoder = class_of_file(str(decoder), Decoder) if is_file(str(decoder)) else str(decoder)
     made = make_decoder(decoder, kind, settings)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from tmca.decoders.batches import part_of
+from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Decoder, Progress, Raw
-from tmca.decoders.nets.adaptation import adapted
+from tmca.decoders.nets.adaptation import adapt_network
 from tmca.decoders.nets.shipped import DEFAULT, SHIPPED
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
@@ -20,7 +21,11 @@ from tmca.decoders.nets.weights import Weights, same_bands
 from tmca.errors import SettingError, check_range
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
+from tmca.sensor import Sensor
 
+_MOST_NOISE = 5.5
+"""Standard deviation of read and of shot noise in the largest that the network learned with: coffee gains by the
+network over the LMMSE at 5 times the read noise (0.3 dB), and loses at 10 times (0.9 dB)."""
 _ADAPTED = 0.8
 """Share of the time that adaptation takes, as a rule."""
 
@@ -36,8 +41,9 @@ class NetworkDecoder(Decoder):
     """A network trained for the camera; it brings its prior, in whose place another may be given.
 
     Args:
-        weights: a run or file of `tmca train`; or what comes with tmca for spectral cameras: default (12 bands), or
-            universal (any bands, codes and buckets), which also predicts the standard deviation.
+        weights: a run or file of `tmca train`; or what comes with tmca: default (spectral cameras of 12 bands and a
+            light-field camera, with their codes; behind these it needs no name), or universal (spectral, any bands,
+            codes and buckets), which also predicts the standard deviation.
         adapt: steps by which it learns from the snapshot itself before it decodes it: some pixels are hidden from it,
             and it learns to predict them (spectral and light-field snapshots); 0 for none.
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.
@@ -49,16 +55,16 @@ class NetworkDecoder(Decoder):
     early_stop: bool = True
 
     def trained(self, camera: Any) -> Weights:
-        """The weights; a SettingError if there are none."""
-        if self.weights is None:
+        """The weights; those that come with tmca behind their codes; a SettingError if there are none."""
+        given = DEFAULT if self.weights is None and _comes_with_tmca(camera) else self.weights
+        if given is None:
             raise SettingError("weights", "none", "those of the network", "weights and the decoder network go together")
-        given = self.weights
         return given if isinstance(given, Weights) else Weights.find(given, camera.slots, camera.kind)
 
     @classmethod
     def usual_settings(cls, camera: Any) -> dict[str, Any] | None:
-        """See `Decoder`: the weights that come with tmca, of a camera with their codes."""
-        return {"weights": DEFAULT} if _comes_with_tmca(camera) else None
+        """See `Decoder`: the weights that come with tmca, behind their codes and where noise is not too strong."""
+        return {"weights": DEFAULT} if _comes_with_tmca(camera) and not _noisy(camera) else None
 
     def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
         if given is None:
@@ -93,22 +99,47 @@ class NetworkDecoder(Decoder):
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         run, prior, path = prepared
-        values, notes = values.to(next(run.network.parameters()).dtype), {"weights": path}
-        if self.adapt:
-            how: dict[str, Any] = {"stop": self.early_stop, "progress": part_of(progress, 0, _ADAPTED)}
-            better = adapted(run, prior, values, self.adapt, **how)
-            run, notes["adapted"], progress = better.run, str(better), part_of(progress, _ADAPTED, 1)
-        raw: Raw = run(values, progress)
-        raw.notes |= notes
-        return raw
+        values = values.to(next(run.network.parameters()).dtype)
+        if not self.adapt:
+            raw: Raw = run(values, progress)
+            raw.notes["weights"] = path
+            return raw
+        parts = [self._adapted(run, prior, one, report) for one, report in one_by_one(values, progress)]
+        raws, told = zip(*parts, strict=True)
+        deviations = [raw.deviation for raw in raws if raw.deviation is not None]
+        deviation = torch.cat(deviations) if deviations else None
+        notes = {"weights": path, "adapted": "; ".join(told)}
+        return Raw(torch.cat([raw.values for raw in raws]), deviation, notes=notes)
+
+    def _adapted(
+        self, run: CollapsedNetwork, prior: Any, snapshot: Tensor, progress: Progress | None
+    ) -> tuple[Raw, str]:
+        """The estimate of one snapshot by a network that learned from it, and how that went."""
+        how: dict[str, Any] = {"stop": self.early_stop, "progress": part_of(progress, 0, _ADAPTED)}
+        better = adapt_network(run, prior, snapshot, self.adapt, **how)
+        return better.run(snapshot, part_of(progress, _ADAPTED, 1)), str(better)
+
+
+@lru_cache(maxsize=4)
+def _shipped(slots: int, kind: str) -> Weights:
+    """The weights that come with tmca, to compare cameras with."""
+    return Weights.find(DEFAULT, slots, kind)
 
 
 def _comes_with_tmca(camera: Any) -> bool:
     """Whether a camera shows the codes of one that comes with the package, with its optics and bands."""
     if camera.kind not in SHIPPED:
         return False
-    weights = Weights.find(DEFAULT, camera.slots, camera.kind)
+    weights = _shipped(camera.slots, camera.kind)
     if weights.slots != camera.slots or not same_bands(weights.wavelengths, getattr(camera, "wavelengths", ())):
         return False
     shown = camera.variables(tiled=True).sizes
     return (shown.get("y_tile"), shown.get("x_tile")) == weights.period and not weights.differences(camera)
+
+
+def _noisy(camera: Any) -> bool:
+    """Whether noise is far above all that the network learned with."""
+    weights = _shipped(camera.slots, camera.kind)
+    learned = [weights.camera_for(sensor=Sensor(**one)).noise for one in weights.card["training"]["noise"]]
+    read, shot = max(noise.read for noise in learned), max(noise.shot for noise in learned)
+    return bool(camera.noise.read > _MOST_NOISE * read or camera.noise.shot > _MOST_NOISE**2 * shot)

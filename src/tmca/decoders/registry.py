@@ -42,12 +42,18 @@ def decoders() -> Mapping[str, type[Decoder]]:
     return DECODERS
 
 
-def usual_for(camera: Any) -> tuple[str, dict[str, Any]]:
-    """Name and settings of the decoder that a camera has where nothing is asked for: one that was made for it, such as
-    the network that comes with its codes; else that of its kind."""
+def usual_for(camera: Any, given: Iterable[str] = ()) -> tuple[str, dict[str, Any]]:
+    """Name and settings of the decoder that a camera has where none is named: one that was made for it, such as the
+    network that comes with its codes; else that of its kind.
+
+    Args:
+        camera: of the snapshot.
+        given: names of settings that it has to know.
+    """
     for name, cls in decoders_for(camera.kind).items():
-        if (settings := cls.usual_settings(camera)) is not None:
-            return name, settings
+        own = cls.usual_settings(camera)
+        if own is not None and {*given} <= {setting.name for setting in settings_of(cls)}:
+            return name, own
     return usual_decoder(camera.kind), {}
 
 

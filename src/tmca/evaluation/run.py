@@ -9,7 +9,7 @@ from typing import Any
 
 from tmca.data import held_folder, make_folder
 from tmca.data.scene_names import identity_of, named_scenes, short_names
-from tmca.decoders import decoders
+from tmca.decoders import Weights, decoders
 from tmca.errors import SettingError
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training, compute
@@ -265,7 +265,7 @@ class Plan:
                 name=f"{place.name} · {code} · {noise} · {study.decoder_labels[decoder]} · seed {seed}",
                 camera=study.camera, code=code, noise=noise, decoder=decoder, seed=seed, scene=place.scene,
                 source=place.source,
-                identity=_identity(place.identity, decoder, options, chosen.file or chosen.shown(study.camera)),
+                identity=_identity(place.identity, decoder, self._files(options, chosen)),
                 reading=place.reading,
                 settings=self.evaluation.camera_settings({**settings, "seed": seed}, self.reading),
                 sensor=study.noises[noise], codes=codes, part=place.part,
@@ -274,6 +274,12 @@ class Plan:
                 prior=None if weights or kind is None else priors.get(kind), about=place.about,
                 save=shown and place.shown and seed == study.seed,
             )  # fmt: skip
+
+    def _files(self, options: Settings, code: Code) -> list[str]:
+        """Files of the weights of a decoder, and of codes."""
+        weights, slots = options.get("weights"), int(code.camera.get("slots", 8))
+        named = None if weights is None else Weights.file(weights, slots, self.study.camera)
+        return [str(file) for file in (named, code.file or code.shown(self.study.camera)) if file is not None]
 
     def trainings(self, codes: Files) -> list[list[Training]]:
         """Trainings of all rows and seeds, in rounds: those that others start from first."""
@@ -312,15 +318,18 @@ class Plan:
             return None, 0
         if (name, network, seed) in cells:
             return str(cells[name, network, seed].folder(self.work)), 1
+        if (shown := self.study.codes[name].shown(self.study.camera)) is not None:
+            return shown, 0
         start = next((file for (n, _, s), file in codes.items() if (n, s) == (name, seed)), None)
         return start, 0 if start is not None else None
 
     def _training(self, code: str, network: str, seed: int, start: str | None, learns: bool = True) -> Training:
-        label = self.study.decoder_labels[network]
+        label, shown = self.study.decoder_labels[network], self.study.codes[code].shown(self.study.camera)
         return Training(
             name=f"training · {code} · {label} · seed {seed}", camera=self.study.camera, code=code, decoder=network,
             seed=seed, training=training_of(self.study, code, network, seed, self.scenes, start, learns=learns),
-            reading=self.reading, identities=self.identities,
+            reading=self.reading,
+            identities=self.identities if shown is None else (*self.identities, identity_of(shown)),
         )  # fmt: skip
 
     def behind_networks(
@@ -342,8 +351,8 @@ class Plan:
         return cells
 
 
-def _identity(scene: Any, decoder: str, options: Settings, codes: str | None) -> Any:
+def _identity(scene: Any, decoder: str, files: Sequence[str]) -> Any:
     """What tells that a scene, or a file of codes, of a decoder or of its weights has changed."""
     program = getattr(decoders().get(decoder), "file", None)
-    files = [str(file) for file in (options.get("weights"), program, codes) if file is not None]
-    return [scene, *map(identity_of, files)] if files else scene
+    named = [*([str(program)] if program is not None else []), *files]
+    return [scene, *map(identity_of, named)] if named else scene

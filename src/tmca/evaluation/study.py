@@ -136,12 +136,18 @@ class Study(Summary, BaseModel):
         return self
 
     def _check_weights(self, name: str, code: Code) -> None:
-        """Raises DataError or SettingError for codes of weights that cannot be read, or are another camera's."""
-        shown = code.shown(self.camera)
-        if shown is not None:
-            weights = Weights.load(shown)
+        """Raises SettingError for codes of weights that cannot be read, or are another camera's."""
+        if code.weights is None:
+            return
+        try:
+            weights = Weights.load(str(code.shown(self.camera)))
             weights.check_kind(self.camera)
             weights.check_codes()
+            if code.camera.get("slots") not in (None, weights.slots):
+                found = f"slots = {code.camera['slots']} beside weights of {weights.slots}"
+                raise SettingError("camera.slots", found, "theirs", "leave it out")
+        except (TmcaError, ValueError, TypeError) as error:
+            raise SettingError(f"codes.{name}.weights", f"{code.weights}: {error}", "weights of this camera") from None
 
     def _dead_time(self, name: str, code: Code) -> None:
         """Raises SettingError where the camera has none, or a network would learn without it."""

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
 from tmca.decoders import Weights
+from tmca.decoders.nets.shipped import DEFAULT
 from tmca.design.kinds import KINDS, buckets_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
@@ -100,6 +101,8 @@ class Code(Strict):
         origins = [name for name in ("file", "weights", "search", "learn") if getattr(self, name) is not None]
         if len(origins) > 1 and {"file", "weights"} & {*origins}:
             raise SettingError(origins[0], f"codes of {' and '.join(origins)}", "one of them")
+        if self.weights is not None and {*self.camera} - {"slots"}:
+            raise SettingError("camera", f"{', '.join(self.camera)} beside weights", "their camera", "leave it out")
         if self.search and self.search.kind == BURST and "buckets" in self.camera:
             given, frames = self.camera["buckets"], buckets_of(BURST, self.search.slots or 1)
             if given != frames:
@@ -111,6 +114,8 @@ class Code(Strict):
     def one_slot(self) -> bool:
         """Whether nothing changes within the exposure."""
         searched, stored = self.search.slots if self.search else None, self._stored
+        if self._trained:
+            return self._trained.slots == 1
         return stored.static if stored else (searched or self.camera.get("slots")) == 1
 
     @property
@@ -124,13 +129,21 @@ class Code(Strict):
         """That a pixel needs for them."""
         stored, kind = self._stored, self.search.kind if self.search else None
         searched = buckets_of(kind, self.search.slots or 1) if self.search and kind in KINDS else 1
+        if self._trained:
+            return int(self._trained.camera.buckets)
         return stored.buckets if stored else int(self.camera.get("buckets", searched))
 
     def shown(self, kind: str) -> str | None:
         """File of the weights whose codes they are, of a kind of camera; None without."""
         if self.weights is None:
             return None
-        return str(Weights.find(self.weights, int(self.camera.get("slots", 8)), kind).path)
+        named = Weights.file(self.weights, int(self.camera.get("slots", 8)), kind)
+        return str(named / "weights.safetensors" if named.is_dir() else named)
+
+    @property
+    def _trained(self) -> Weights | None:
+        """Weights of a file or run; those that come with tmca have one bucket, and the slots that ``camera`` says."""
+        return None if self.weights in (None, DEFAULT) else Weights.load(str(self.weights))
 
     @property
     def _stored(self) -> CodesFile | None:

@@ -6,8 +6,10 @@ time say when to stop: from where their error grows the network learns the noise
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from math import isnan, nan
 from typing import Any, Self
 
 import torch
@@ -20,7 +22,7 @@ from tmca.errors import check_range
 from tmca.operators import TapOperator, Taps
 
 RATE = 1e-4
-"""Of Adam."""
+"""Of Adam. Of a real capture (``studies/real/adaptation.py``) hidden pixels were predicted best after 20 steps."""
 HIDDEN = 0.1
 """Share of the pixels that are hidden at a time."""
 _FOLDS = 3
@@ -56,12 +58,16 @@ class Blind:
         return cls(hidden, seen, operator, prepared_start(run.network.start, operator, run.noise, prior)(seen, None))
 
     def error(self, network: Any, run: CollapsedNetwork, snapshot: Tensor, tile: Tile) -> tuple[Tensor, Tensor]:
-        """Sums over the hidden pixels of a tile: of squared errors of their prediction, and of their squares."""
+        """Sums over the hidden pixels of a tile's rows: of squared errors of their prediction, and of their squares."""
         light, part = window_of(self.operator, self.snapshot, tile)
         estimate = network.outputs(light, part, run.noise, self.start[(..., *tile.seen)])[0]
         truth, whole = window_of(run.operator, snapshot, tile)
-        hidden = self.hidden[tile.seen[0], tile.seen[1].start : tile.seen[1].start + truth.shape[-1]]
-        return ((whole.A(estimate) - truth).square() * hidden).sum(), (truth.square() * hidden).sum()
+        rows, columns = tile.inner[0], slice(tile.seen[1].start, tile.seen[1].start + truth.shape[-1])
+        hidden = self.hidden[tile.seen[0], columns][rows]
+        return (
+            ((whole.A(estimate) - truth)[..., rows, :].square() * hidden).sum(),
+            (truth[..., rows, :].square() * hidden).sum(),
+        )
 
 
 def without(taps: Taps, hidden: Tensor) -> Taps:
@@ -72,13 +78,13 @@ def without(taps: Taps, hidden: Tensor) -> Taps:
 
 
 @dataclass(frozen=True)
-class Adapted:
+class AdaptedNetwork:
     """A network after adaptation.
 
     Args:
         run: the decoder with it.
         steps: that it learned.
-        before, after: relative error of the pixels of the stop, root mean square.
+        before, after: relative error of the pixels that say when to stop, root mean square; NaN where they are dark.
     """
 
     run: CollapsedNetwork
@@ -87,19 +93,23 @@ class Adapted:
     after: float
 
     def __str__(self) -> str:
+        if isnan(self.before):
+            return "0 steps: the hidden pixels are dark"
         return f"{self.steps} steps, hidden pixels {self.before:.2%} → {self.after:.2%}"
 
 
-def adapted(
+def adapt_network(
     run: CollapsedNetwork, prior: Any, snapshot: Tensor, steps: int, *, stop: bool = True,
     progress: Progress | None = None,
-) -> Adapted:  # fmt: skip
-    """Adapt a network to snapshots of its camera; the given one stays as it is.
+) -> AdaptedNetwork:  # fmt: skip
+    """Adapt a network to a snapshot of its camera; the given one stays as it is.
+
+    Only the estimate is learned; a standard deviation that the network predicts changes with it, and is not.
 
     Args:
         run: the network behind its camera.
         prior: of its first estimates.
-        snapshot: (B, R, H, W').
+        snapshot: (1, R, H, W').
         steps: of Adam, at most.
         stop: end where the error of pixels that are never learned from has not fallen for a while, and take the step
             at which it was least; False takes the last step.
@@ -110,19 +120,13 @@ def adapted(
     """
     check_range("adapt", steps, 1)
     random = torch.Generator().manual_seed(0)
-    draw = torch.rand(snapshot.shape[-2:], generator=random).to(snapshot.device)
-    parts = [(draw >= HIDDEN * fold) & (draw < HIDDEN * (fold + 1)) for fold in range(_FOLDS + 1)]
-    begun = part_of(progress, 0, _STARTED)
-    blinds = list[Blind]()
-    for done, hidden in enumerate(parts, start=1):
-        blinds.append(Blind.of(run, prior, snapshot, hidden))
-        begun(done / len(parts))
-    watched, learned = blinds[0], blinds[1:]
+    watched, *learned = _blinds(run, prior, snapshot, random, part_of(progress, 0, _STARTED))
     network = deepcopy(run.network).requires_grad_(True)
-    best = before = _watched(watched, network, run, snapshot)
-    kept, taken, waited = deepcopy(network.state_dict()), 0, 0
-    optimiser = torch.optim.Adam(network.parameters(), RATE)
-    report = part_of(progress, _STARTED, 1)
+    before = _watched(watched, network, run, snapshot)
+    if isnan(before):
+        return AdaptedNetwork(run, 0, before, before)
+    best, kept, taken, waited = before, deepcopy(network.state_dict()), 0, 0
+    optimiser, report = torch.optim.Adam(network.parameters(), RATE), part_of(progress, _STARTED, 1)
     for step in range(1, steps + 1):
         _learn(learned[step % _FOLDS], network, run, snapshot, optimiser, random)
         report(step / steps)
@@ -134,14 +138,28 @@ def adapted(
         elif (waited := waited + 1) == _PATIENCE:
             break
     network.load_state_dict(kept)
-    return Adapted(run.with_network(network), taken, before, best)
+    report(1.0)
+    return AdaptedNetwork(run.with_network(network), taken, before, best)
+
+
+def _blinds(
+    run: CollapsedNetwork, prior: Any, snapshot: Tensor, random: torch.Generator, report: Callable[[float], None]
+) -> list[Blind]:
+    """The snapshot without each of some sets of pixels, the first of which says when to stop."""
+    draw = torch.rand(snapshot.shape[-2:], generator=random).to(snapshot.device)
+    made = list[Blind]()
+    for fold in range(_FOLDS + 1):
+        hidden = (draw >= HIDDEN * fold) & (draw < HIDDEN * (fold + 1))
+        made.append(Blind.of(run, prior, snapshot, hidden))
+        report(len(made) / (_FOLDS + 1))
+    return made
 
 
 @torch.enable_grad()
 def _learn(
     blind: Blind, network: Any, run: CollapsedNetwork, snapshot: Tensor, optimiser: Any, random: torch.Generator
 ) -> None:
-    """One step on some rows of a frame."""
+    """One step on some rows of a frame; none where their hidden pixels are dark."""
     height, width = run.size
     rows = min(_ROWS, height)
     top = int(torch.randint((height - rows) // network.multiple + 1, (), generator=random)) * network.multiple
@@ -149,12 +167,13 @@ def _learn(
     whole = Tile(place, place, (slice(0, rows), slice(0, width)))
     optimiser.zero_grad()
     error, power = blind.error(network, run, snapshot, whole)
-    (error / power).backward()
-    optimiser.step()
+    if float(power) > 0:
+        (error / power).backward()
+        optimiser.step()
 
 
 @torch.no_grad()
 def _watched(blind: Blind, network: Any, run: CollapsedNetwork, snapshot: Tensor) -> float:
-    """Relative error of the hidden pixels of a whole frame."""
+    """Relative error of the hidden pixels of a whole frame; NaN where they are dark."""
     sums = torch.stack([torch.stack(blind.error(network, run, snapshot, tile)) for tile in run.tiles]).sum(0)
-    return float((sums[0] / sums[1]).sqrt())
+    return float((sums[0] / sums[1]).sqrt()) if float(sums[1]) > 0 else nan

@@ -7,7 +7,7 @@ from pathlib import Path
 import tmca
 from tmca.errors import SettingError
 
-SHIPPED = {"spectral": ("static", "multiplexed")}
+SHIPPED = {"spectral": ("static", "multiplexed"), "light-field": ("light-field",)}
 """Cameras with their codes that come with the package, by kind: files without suffix, those of fewer slots first."""
 DEFAULT = "default"
 """Name of the weights of a camera that comes with the package."""

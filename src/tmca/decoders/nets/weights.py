@@ -295,9 +295,14 @@ class Weights:
             DataError: no such file, or no weights of a camera in it.
             SettingError: a kind of camera for which none come with the package.
         """
+        return cls.load(cls.file(name, slots, kind))
+
+    @staticmethod
+    def file(name: str | Path, slots: int = 8, kind: str = "spectral") -> Path:
+        """The file or run that ``find`` reads; SettingError as there."""
         if str(name) == UNIVERSAL:
-            return cls.load(FOLDER / f"{UNIVERSAL}.safetensors")
-        return cls.load(shipped_file(slots, kind) if str(name) == DEFAULT else name)
+            return FOLDER / f"{UNIVERSAL}.safetensors"
+        return shipped_file(slots, kind) if str(name) == DEFAULT else Path(name)
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
