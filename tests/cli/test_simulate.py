@@ -128,3 +128,28 @@ def test_default_weights_take_and_decode_a_snapshot(tmp_path, options, slots):
     assert (aperture[:, :32, :32] == weights.codes["aperture"]).all()
     main(["reconstruct", "s.nc", "--weights", "default", "--no-figures"])
     assert (tmp_path / "s_network.nc").exists()
+
+
+def test_behind_shipped_codes_their_network_decodes_unless_something_else_is_asked(tmp_path, capsys):
+    main(["simulate", "spectral", *SCENE, "--weights", "default", "--read-noise", "0.01"])
+    for options, decoder in (([], "network"), (["--set", "adapt=1"], "network"), (["--no-uncertainty"], "network"),
+                             (["--uncertainty"], "lmmse"), (["--set", "fast=true"], "lmmse")):  # fmt: skip
+        capsys.readouterr()
+        main(["reconstruct", "s.nc", "--no-figures", "--overwrite", *options])
+        told = capsys.readouterr().out
+        assert f"s_{decoder}.nc" in told
+        assert ("it comes with tmca for these codes" in told) == (decoder == "network")
+    main(["reconstruct", "s.nc", "--no-figures", "--overwrite", "--decoder", "network"])
+    assert "it comes with tmca" not in capsys.readouterr().out
+
+
+def test_a_light_field_camera_comes_with_tmca(tmp_path, capsys):
+    main(["simulate", "light-field", "coffee:1", "--crop", "40x48", "--weights", "default", "--no-figures",
+          "--read-noise", "0.01", "--out", "f_snapshot.nc"])  # fmt: skip
+    found = {}
+    for decoder in ([], ["--decoder", "lmmse"]):
+        capsys.readouterr()
+        main(["reconstruct", "f_snapshot.nc", "--truth", "coffee:1", "--no-figures", "--json", *decoder])
+        said = json.loads(capsys.readouterr().out)
+        found[said["decoder"]] = said["metrics"]["psnr"]
+    assert found["network"] > found["lmmse"] + 0.3

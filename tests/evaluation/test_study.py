@@ -12,7 +12,7 @@ from tmca.applications import evaluate, simulate
 from tmca.cameras import SpectralCamera
 from tmca.cli import main
 from tmca.data.scenes import load_scene
-from tmca.decoders import decode
+from tmca.decoders import Weights, decode
 from tmca.errors import SettingError
 from tmca.evaluation.study import read_study, training_of
 from tmca.sensor import Sensor
@@ -69,6 +69,38 @@ def test_a_study_measures_what_the_cameras_give_and_resumes(tmp_path, capsys, mo
     assert "mine.json" in refused(capsys, "study", str(written(tmp_path)))
     (tmp_path / "results" / "mine.json").write_text("{")
     assert "found results of another study, expected none" in refused(capsys, "study", "mine.yaml")
+
+
+def test_codes_may_be_those_of_weights(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    codes = {"one": {"weights": "default", "camera": {"slots": 1}}, "several": {"weights": "default"}}
+    about = {"codes": codes, "reading": {"bands": 12, "size": [40, 48]}, "seeds": 1, "decoders": ["dagger", "network"]}
+    file = written(tmp_path, **about, options={"network": {"weights": "default"}})
+    study = read_study(file)
+    assert [code.one_slot for code in study.codes.values()] == [True, False]
+    main(["study", str(file), "--json"])
+    rows = {(row["code"], row["decoder"]): row["psnr"] for row in json.loads(capsys.readouterr().out)["rows"]}
+    camera = Weights.find("default", 1).camera_for((40, 48), sensor=Sensor(0.02))
+    scene = load_scene("coffee", bands=12, size=(40, 48))
+    for decoder in about["decoders"]:
+        alone = evaluate(decode(simulate(scene, camera, seed=0), decoder), scene)["psnr"]
+        assert rows["one", decoder] == pytest.approx(alone, abs=1e-4)
+    assert rows["several", "network"] > rows["several", "dagger"] + 3
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        ({"weights": "nowhere"}, "codes.mine.weights: found nowhere: nowhere: found no such file"),
+        ({"weights": "universal"}, "codes.mine.weights: found universal"),
+        ({"weights": "default", "camera": {"slots": 4}}, "slots = 4 beside weights of 8"),
+        ({"weights": "default", "camera": {"shutter": "open"}}, "shutter beside weights"),
+        ({"weights": "default", "file": "codes.nc"}, "codes of file and weights"),
+    ],
+)
+def test_weights_that_are_no_codes_are_named(tmp_path, code, said):
+    with pytest.raises(SettingError, match=re.escape(said)):
+        read_study(written(tmp_path, codes={"mine": code}))
 
 
 def test_in_dead_time_a_burst_collects_no_light(tmp_path, monkeypatch, capsys):
