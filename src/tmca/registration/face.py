@@ -129,7 +129,8 @@ def _not_registered(snapshot: Snapshot[Any], size: tuple[int, int], seconds: flo
 def with_dispersion(
     snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
 ) -> tuple[float, Climbed, MaskEvidence]:
-    """The most probable dispersion for a mask that is nearly in place, and the mask behind it."""
+    """The most probable dispersion for a mask that is nearly in place, and the mask behind it; the dispersion as it was
+    drawn where the snapshot does not tell it, which ends at the limit."""
     half, vector = max(evidence.size) / 2, climbed.vector
     few, many = evidence.among(half, _CELLS), evidence.among(LAST.share * half, LAST.cells)
     sides = [_stretched(snapshot, prior, vector, few, side, (0, MOST_DISPERSION)) for side in (-1, 1)]
@@ -141,8 +142,9 @@ def with_dispersion(
         vector = climb(other, vector, many, LAST._replace(steps=4))
         around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
         error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
-    inside = abs(error) < 0.98 * MOST_DISPERSION
-    return 1 + error, Climbed(vector, inside), scaled(snapshot, prior, 1 + error)
+    if abs(error) >= 0.98 * MOST_DISPERSION:
+        return 1.0, climbed, evidence
+    return 1 + error, Climbed(vector, True), scaled(snapshot, prior, 1 + error)
 
 
 def _stretched(
