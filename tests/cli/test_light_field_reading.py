@@ -52,7 +52,7 @@ def test_the_truth_is_averaged_as_the_scene_of_the_snapshot_was(place, capsys):
         line = refused(capsys, *command, "plain", "--scale", "1")
         assert "--scale: found 1, expected 2, as the snapshot's scene was read" in line
     line = refused(capsys, "reconstruct", "s.nc", "--weights", "default", "--out", "f.nc")
-    assert "--weights: found 'default', of which none come with tmca for a light-field camera" in line
+    assert "--weights: found 5×5 views, expected the camera's 3×3" in line
 
 
 @pytest.mark.filterwarnings("default::tmca.data.scene_names.SceneWarning")

@@ -169,6 +169,8 @@ def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_e
     for noise, usual in ((0.05, "network"), (0.1, "lmmse")):
         assert usual_for(own.replace(sensor=Sensor(read_noise=noise)))[0] == usual
     assert usual_for(own.replace(sensor=Sensor(full_well=100)))[0] == "lmmse"
+    with pytest.raises(SettingError, match="none come with tmca for a spectral-depth camera"):
+        Weights.find("default", 4, "spectral-depth")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from tmca.errors import DataError, SettingError
 from tmca.optics import Dispersion
 from tmca.optics.spectral import on_columns
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.registration import MaskPlacement, NotRegistered, register
+from tmca.registration import MaskPlacement, NotRegistered, face, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
 
@@ -132,6 +132,15 @@ def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
         for one in (found.snapshot, snapshot)
     ]
     assert errors[0] < 0.3 * errors[1]
+
+
+def test_a_dispersion_that_the_snapshot_does_not_tell_stays_and_the_mask_is_found(monkeypatch):
+    monkeypatch.setattr(face, "_stretched", lambda *given: (1.0, given[4] * face.MOST_DISPERSION))  # at the limit
+    _, snapshot = elsewhere(camera(**DISPERSED), MOVED)
+    found = register(snapshot, PRIOR)
+    assert found.converged
+    assert found.dispersion == 1
+    np.testing.assert_allclose(found.placement.shift, MOVED[:2], atol=0.2)
 
 
 def test_a_light_fields_mask_is_found():

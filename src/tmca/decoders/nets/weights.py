@@ -203,7 +203,8 @@ class Weights:
         trained = self.camera
         views, wanted = trained.scene_shape[:-2], camera.scene_shape[:-2]
         if views != wanted:
-            raise ShapeError("weights", f"{'×'.join(map(str, views))} {camera.channel}s", f"the camera's {wanted}")
+            found, expected = ("×".join(map(str, size)) for size in (views, wanted))
+            raise ShapeError("weights", f"{found} {camera.channel}s", f"the camera's {expected}")
         if trained.buckets != camera.buckets:
             found = f"those of a sensor with buckets = {trained.buckets}"
             raise SettingError("weights", found, f"the camera's {camera.buckets}", "train for this camera")
