@@ -125,7 +125,7 @@ def adapt_network(
     before = _watched(watched, network, run, snapshot)
     if isnan(before):
         return AdaptedNetwork(run, 0, before, before)
-    best, kept, taken, waited = before, deepcopy(network.state_dict()), 0, 0
+    best, best_state, best_step, waited = before, deepcopy(network.state_dict()), 0, 0
     optimiser, report = torch.optim.Adam(network.parameters(), RATE), part_of(progress, _STARTED, 1)
     for step in range(1, steps + 1):
         _learn(learned[step % _FOLDS], network, run, snapshot, optimiser, random)
@@ -134,12 +134,12 @@ def adapt_network(
             continue
         error = _watched(watched, network, run, snapshot)
         if error < best or not stop:
-            best, kept, taken, waited = error, deepcopy(network.state_dict()), step, 0
+            best, best_state, best_step, waited = error, deepcopy(network.state_dict()), step, 0
         elif (waited := waited + 1) == _PATIENCE:
             break
-    network.load_state_dict(kept)
+    network.load_state_dict(best_state)
     report(1.0)
-    return AdaptedNetwork(run.with_network(network), taken, before, best)
+    return AdaptedNetwork(run.with_network(network), best_step, before, best)
 
 
 def _blinds(
