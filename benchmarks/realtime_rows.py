@@ -24,6 +24,7 @@ from tmca.decoders import decode, make_decoder
 from tmca.priors import find_prior
 from tmca.training import training_settings
 from tmca.training.camera_training import TRAININGS
+from tmca.training.engine import choose_precision
 from tmca.training.patches import Patch
 
 Found = dict[str, float]
@@ -172,7 +173,8 @@ def likelihood() -> Found:
 
 
 def training() -> Found:
-    """Steps of 16 patches of 64×64 pixels, forward and back: first estimates computed anew or once, codes learned."""
+    """Steps of 16 patches of 64×64 pixels, forward and back, in the precision that `tmca train` chooses here: first
+    estimates computed anew or once, codes learned."""
     fixed, patches = _system("none")
     start = fixed.start(patches, 0, range(len(patches)))
     learned = _step(*_system("both"))
@@ -184,7 +186,14 @@ def training_before() -> Found:
 
 
 def _step(system: Any, patches: list[Patch], start: Tensor | None = None) -> float:
-    return Clock().median(lambda: system(patches, 0, range(len(patches)), start).backward(), 5)
+    half = choose_precision("auto", "cpu") == "bf16-mixed"
+
+    def step() -> None:
+        with torch.autocast("cpu", torch.bfloat16, enabled=half):
+            loss = system(patches, 0, range(len(patches)), start)
+        loss.backward()
+
+    return Clock().median(step, 5)
 
 
 def _system(learn: str) -> tuple[Any, list[Patch]]:

@@ -33,6 +33,13 @@ def device_of(name: str | torch.device) -> torch.device:
     raise SettingError("device", described(name), f"one of this machine: {', '.join(there)}")
 
 
+def computes_half(device: torch.device) -> bool:
+    """Whether a device computes with bfloat16; others emulate it, many times slower than float32."""
+    if device.type == "cuda":
+        return bool(torch.cuda.is_bf16_supported(including_emulation=False))
+    return any(there and name.endswith("bf16") for name, there in torch.cpu.get_capabilities().items())
+
+
 def usual_device() -> torch.device | None:
     """That of ``computing_on``; None outside of it: then decoders compute where the snapshot lies."""
     return _USUAL.get()

@@ -6,7 +6,7 @@ import torch
 from tests.small_scenes import smooth_scene
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera
 from tmca.decoders import decode, make_decoder
-from tmca.decoders.bank import LEFT_OUT, _core, smaller
+from tmca.decoders.fast_bank import LEFT_OUT, ROUNDED, _core, computable, halved, smaller
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.errors import DataError
 from tmca.operators.taps import TapOperator
@@ -51,6 +51,44 @@ def test_no_more_is_left_out_than_is_allowed(name):
     whole, less = estimator.bank, smaller(estimator.bank, expected)
     squares = [sum(float(c.matrix.square().sum()) * len(c.pixels) for c in bank.cells) for bank in (whole, less)]
     assert 0 < squares[0] - squares[1] <= LEFT_OUT * float(whole.deviation.square().sum())
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_half_precision_rounds_as_much_as_is_predicted(name, monkeypatch):
+    estimator, frames, expected, _ = prepared(name)
+    whole, half = estimator.bank, halved(estimator.bank, expected)
+    assert {cell.matrix.dtype for cell in half.cells} == {torch.bfloat16}
+    torch.testing.assert_close(half.estimate(expected), whole.estimate(expected), rtol=0, atol=1e-5)
+    rounded = float((half.estimate(frames) - whole.estimate(frames)).square().mean())
+    assert 0 < rounded < ROUNDED * float(whole.deviation.square().mean())
+    monkeypatch.setattr("tmca.decoders.fast_bank._ROUNDING", 1e30)
+    assert halved(whole, expected) is whole
+
+
+@pytest.mark.parametrize("computes", [True, False])
+def test_the_processor_decides_whether_half_precision_is_used(tmp_path, monkeypatch, computes):
+    camera, path = TAKEN["spectral"], tmp_path / "b.safetensors"
+    prior = GaussianPrior.learn([smooth_scene(60, 90, seed=1)], (8, 20))
+    decoder = make_decoder("lmmse", "spectral", {"fast": True})
+
+    def types(bank=None):
+        cells = decoder.prepare(camera, prior, bank=bank).state.bank.cells
+        return {cell.matrix.dtype for cell in cells}
+
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": computes})
+    chosen = {torch.bfloat16 if computes else torch.float32}
+    assert types() == types(path) == types(path) == chosen
+    monkeypatch.setattr(torch.cpu, "get_capabilities", lambda: {"avx512_bf16": False})
+    assert types(path) == {torch.float32}  # of another machine
+
+
+def test_half_precision_of_another_machine_says_the_same(monkeypatch):
+    estimator, frames, expected, _ = prepared("spectral")
+    half = halved(estimator.bank, expected)
+    monkeypatch.setattr(torch.cpu, "get_capabilities", dict)
+    here = computable(half)
+    assert {cell.matrix.dtype for cell in here.cells} == {torch.float32}
+    torch.testing.assert_close(here.estimate(frames), half.estimate(frames), rtol=0, atol=0.02)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.3, 1.0])

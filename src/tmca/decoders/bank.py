@@ -8,7 +8,7 @@ prior's mean adds nor the deviation depends on the frame.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import prod
 
 import torch
@@ -20,10 +20,6 @@ from tmca.priors.gaussian_posterior import GaussianSolver
 
 MOST_BYTES = 2**31
 """Of the matrices of blocks and cells, which are there at once, or of the factors of all blocks."""
-LEFT_OUT = 0.2
-"""Sum of the squares of gains that are left out, over the predicted squared error."""
-Sides = tuple[int, int, int, int]
-"""First row, row behind the last, first column, column behind the last."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +27,7 @@ class BlockMatrices:
     """What equal blocks make of their measurements.
 
     Args:
-        gain: (R, h, columns, L, h, w) that measurements are multiplied by, weighted for the blend.
+        gain: (L, h, w, R, h, columns) that measurements are multiplied by, weighted for the blend.
         dark: (L, h, w) estimate where measurements are zero, weighted.
         variance: (L, h, w) of the error, weighted in the valid columns and zero outside.
     """
@@ -44,9 +40,9 @@ class BlockMatrices:
     def of(cls, solver: GaussianSolver, windows: Tensor, weights: Tensor, valid: Tensor) -> BlockMatrices:
         """Those of blocks under code windows (1, taps, h, w)."""
         model = solver.model
-        sides = (model.buckets, model.block[1], model.columns, *model.block)
+        sides = (*model.block, model.buckets, model.block[1], model.columns)
         gain, dark, variance = solver.posterior(windows).linear(0)
-        weighted = (gain * weights.flatten()).reshape(sides)
+        weighted = (gain * weights.flatten()[:, None]).reshape(sides)
         return cls(weighted, weights * dark.reshape(model.block), valid * variance.reshape(model.block))
 
 
@@ -58,7 +54,7 @@ class EqualCells:
         pixels: (P, height·width) flat indices of the pixels of each.
         down, across: (P,) first row and column of its measurements in the padded snapshot.
         box: numbers of rows and columns of these.
-        matrix: (R·rows·columns, L·height·width) from the measurements to the estimate.
+        matrix: (R·rows·columns, L·height·width) from the measurements to the estimate, of the bank's type or bfloat16.
     """
 
     pixels: Tensor
@@ -66,6 +62,16 @@ class EqualCells:
     across: Tensor
     box: tuple[int, int]
     matrix: Tensor
+
+    def seen(self, padded: Tensor) -> Tensor:
+        """(B, P, R·rows·columns) measurements of each in padded snapshots (B, R, rows, columns)."""
+        windows = padded.unfold(2, self.box[0], 1).unfold(3, self.box[1], 1)
+        return windows[:, :, self.down, self.across].transpose(1, 2).flatten(2)
+
+    def values(self, padded: Tensor) -> Tensor:
+        """(B, P, L, height·width) of what padded snapshots say."""
+        estimate = self.seen(padded).to(self.matrix.dtype) @ self.matrix
+        return estimate.to(padded.dtype).unflatten(-1, (-1, self.pixels.shape[1]))
 
 
 Covering = tuple[tuple[int, int, int], ...]
@@ -118,10 +124,7 @@ class Bank:
     def estimate(self, snapshot: Tensor, progress: Callable[[float], None] | None = None) -> Tensor:
         """(B, L, H, W) scenes behind snapshots (B, R, H, W')."""
         padded = self.grid.pad_snapshot(snapshot.to(self.deviation.dtype))
-        values = []
-        for cell in self.cells:
-            seen = padded.unfold(2, cell.box[0], 1).unfold(3, cell.box[1], 1)[:, :, cell.down, cell.across]
-            values.append((seen.transpose(1, 2).flatten(2) @ cell.matrix).unflatten(-1, (-1, cell.pixels.shape[1])))
+        values = [cell.values(padded) for cell in self.cells]
         if progress:
             progress(1.0)
         return _laid(self.cells, values, self.grid.frame).add_(self.offset)
@@ -165,18 +168,18 @@ def _solved_cells(
 ) -> tuple[EqualCells, Tensor, Tensor]:  # fmt: skip
     """Equal cells by the blocks over them, and (L, height, width) their estimate where measurements are zero and the
     deviation of any; ``weights`` (L, h, w) of a block, and of its valid columns."""
-    buckets, h, columns = blocks[0].gain.shape[:3]
+    channels, _, _, buckets, h, columns = blocks[0].gain.shape
     top, left, rows, across = _box(covering, grid.model)
-    channels = len(weights[0])
-    matrix = weights[0].new_zeros(buckets, rows, across, channels, *sides)
+    matrix = weights[0].new_zeros(channels, *sides, buckets, rows, across)
     dark, variance, weight, valid = weights[0].new_zeros(4, channels, *sides)
     for y, x, group in covering:
         block, (there, here) = blocks[group], _overlap((y, x), sides, weights[0].shape[1:])
-        matrix[:, y - top : y - top + h, x - left : x - left + columns][(..., *there)] += block.gain[(..., *here)]
+        measured = (..., slice(y - top, y - top + h), slice(x - left, x - left + columns))
+        matrix[:, *there][measured] += block.gain[:, *here]
         parts = (block.dark, block.variance, *weights)
         for total, one in zip((dark, variance, weight, valid), parts, strict=True):
             total[(..., *there)] += one[(..., *here)]
-    matrix /= weight
+    matrix /= weight[..., None, None, None]
     first = left + grid.padding[0] + grid.model.origin + grid.model.span
     (height, width), device = sides, matrix.device
     inside = torch.arange(height)[:, None] * grid.frame[1] + torch.arange(width)
@@ -184,7 +187,7 @@ def _solved_cells(
     pixels = (places[:, 0] * grid.frame[1] + places[:, 1])[:, None] + inside.flatten()
     cells = EqualCells(
         pixels.to(device), (places[:, 0] + top).to(device), (places[:, 1] + first).to(device), (rows, across),
-        matrix.flatten(3).flatten(0, 2),
+        matrix.flatten(3).flatten(0, 2).mT.contiguous(),
     )  # fmt: skip
     return cells, dark / weight, (variance / valid).sqrt()
 
@@ -218,58 +221,3 @@ def _laid(cells: Sequence[EqualCells], values: Sequence[Tensor], frame: tuple[in
     for cell, one in zip(cells, values, strict=True):
         whole.flatten(2)[:, :, cell.pixels.flatten()] = one.transpose(1, 2).flatten(2)
     return whole
-
-
-def smaller(bank: Bank, expected: Tensor) -> Bank:
-    """The bank without measurements that hardly matter to a cell: a next frame in two thirds of the time.
-
-    They lie at the rim of what the blocks over a cell see. Fewer directions across the channels would save as much
-    again, but cost 0.8 dB on scenes whose spectra are unlike the prior's.
-
-    Args:
-        bank: of all measurements.
-        expected: (1, R, H, W') snapshot that the prior expects: of it both banks say the same.
-    """
-    squares = sum(float(cell.matrix.square().sum()) * len(cell.pixels) for cell in bank.cells)
-    if not squares:
-        return bank
-    share = LEFT_OUT * float(bank.deviation.square().sum()) / squares
-    linear = replace(bank, cells=[_cut(cell, share) for cell in bank.cells], offset=torch.zeros_like(bank.offset))
-    return replace(linear, offset=bank.estimate(expected) - linear.estimate(expected))
-
-
-def _cut(cell: EqualCells, share: float) -> EqualCells:
-    """Cells without a share of the sum of squares of their matrix."""
-    gains = cell.matrix.unflatten(0, (-1, *cell.box))
-    top, bottom, left, right = _core(gains.square().sum((0, 3)), share)
-    gains = gains[:, top:bottom, left:right]
-    box = (bottom - top, right - left)
-    return EqualCells(cell.pixels, cell.down + top, cell.across + left, box, gains.flatten(0, 2).contiguous())
-
-
-def _core(squares: Tensor, share: float) -> Sides:
-    """The part of a table that is left when its outer rows and columns are taken away, the weakest by area first."""
-    area = squares.double().cpu()
-    sides, budget = (0, area.shape[0], 0, area.shape[1]), share * float(area.sum())
-    while True:
-        strengths = [(float(area[_part(edge)].mean()), edge, inner) for edge, inner in _edges(sides)]
-        _, edge, inner = min(strengths, key=lambda one: one[0])
-        budget -= float(area[_part(edge)].sum())
-        if budget < 0 or prod(area[_part(inner)].shape) == 0:
-            return sides
-        sides = inner
-
-
-def _edges(sides: Sides) -> list[tuple[Sides, Sides]]:
-    """The outer rows and columns of a part, each with what is left without it."""
-    top, bottom, left, right = sides
-    return [
-        ((top, top + 1, left, right), (top + 1, bottom, left, right)),
-        ((bottom - 1, bottom, left, right), (top, bottom - 1, left, right)),
-        ((top, bottom, left, left + 1), (top, bottom, left + 1, right)),
-        ((top, bottom, right - 1, right), (top, bottom, left, right - 1)),
-    ]
-
-
-def _part(sides: Sides) -> tuple[slice, slice]:
-    return slice(sides[0], sides[1]), slice(sides[2], sides[3])

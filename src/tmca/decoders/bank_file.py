@@ -140,8 +140,9 @@ def _tensors(bank: Bank, code: Tensor) -> Iterator[tuple[str, Tensor]]:
 
 
 def _sum(tensor: Tensor) -> int:
-    """Of the words of numbers of 4 or 8 bytes: any flipped bit changes it, and it is read as fast as memory is."""
-    return int(tensor.contiguous().flatten().view(torch.int32).sum(dtype=torch.int64)) if tensor.numel() else 0
+    """Of the words of numbers of 2, 4 or 8 bytes: any flipped bit changes it, and it is read as fast as memory is."""
+    word = torch.int16 if tensor.itemsize == 2 else torch.int32
+    return int(tensor.contiguous().flatten().view(word).sum(dtype=torch.int64)) if tensor.numel() else 0
 
 
 def _restored(about: _About, path: Path, grid: BlockGrid, taps: Taps, dtype: torch.dtype) -> tuple[Bank, Tensor]:
@@ -153,8 +154,9 @@ def _restored(about: _About, path: Path, grid: BlockGrid, taps: Taps, dtype: tor
         for place, box in enumerate(about.boxes)
     ]
     bank, code = Bank(grid, cells, **{name: tensors[name] for name in _FRAMES}), tensors["code"]
-    every, types = [*_tensors(bank, code)], dict.fromkeys(_PLACES, torch.int64) | {"code": torch.float32}
-    if any(values.dtype != types.get(name.rpartition(".")[2], dtype) for name, values in every):
+    every, types = [*_tensors(bank, code)], {name: [torch.int64] for name in _PLACES}
+    types |= {"code": [torch.float32], "matrix": [dtype, torch.bfloat16]}
+    if any(values.dtype not in types.get(name.rpartition(".")[2], [dtype]) for name, values in every):
         raise ValueError("tensors of other types")
     if [_sum(values) for _, values in every] != [*about.sums] or code.shape != taps.code.shape or not _fits(bank, taps):
         raise ValueError("tensors that do not go together")

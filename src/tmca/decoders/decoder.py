@@ -367,8 +367,7 @@ def _checked(decoder: Decoder, values: Any, shape: tuple[int, ...]) -> Tensor:
     if not isinstance(values, Tensor) or values.numel() != prod(shape):
         found = f"shape {tuple(values.shape)}" if isinstance(values, Tensor) else f"a {type(values).__name__}"
         raise ShapeError("decoder", f"{found} from {name}", f"the entries of {shape}")
-    bad = ~torch.isfinite(values.reshape(shape))
-    if bool(bad.any()):
+    if not bool(values.sum().isfinite()) and bool((bad := ~torch.isfinite(values.reshape(shape))).any()):
         first = tuple(bad.nonzero()[0].tolist())
         found = f"an estimate of {name} with NaN or infinite values: {int(bad.sum())} of {bad.numel()}"
         raise SettingError("decoder", f"{found}, the first at {first}", "finite ones", remedy)

@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from tmca.data.atomic import check_target
-from tmca.decoders.bank import MOST_BYTES, Bank, smaller
+from tmca.decoders.bank import MOST_BYTES, Bank
 from tmca.decoders.bank_file import bank_key, stored_bank, write_bank
 from tmca.decoders.decoder import Decoder, Progress, Raw
+from tmca.decoders.fast_bank import computable, faster
 from tmca.errors import SettingError, check_shape
 from tmca.operators.block_layout import BlockLayout, Canvas, Places, evenly_chosen, usual_stride
 from tmca.operators.blocks import BlockModel
@@ -68,7 +69,7 @@ class PatchEstimator:
             period, so that blocks under the same part of the tile share their matrices.
         dtype: of the heavy products; None takes float32 where the noise allows it, float64 where it is next to none.
         differentiable: let gradients reach code and snapshot, the weights of the blend apart.
-        fast: of what `precompute` computes, leave out what carries next to nothing, see `tmca.decoders.bank.smaller`.
+        fast: of what `precompute` computes, leave out what carries next to nothing, see `tmca.decoders.fast_bank`.
 
     Raises:
         ShapeError: a prior of other bands than the taps', or too large a block.
@@ -145,7 +146,7 @@ class PatchEstimator:
         if bank is None or not self.fast:
             return bank
         mean = solver.prior.mean.mean((1, 2)).to(self.taps.code)[None, :, None, None]
-        return smaller(bank, TapOperator(self.taps).A(mean.expand(1, *self.taps.scene_shape)))
+        return faster(bank, TapOperator(self.taps).A(mean.expand(1, *self.taps.scene_shape)))
 
     def _bank_in(self, file: Path, solver: GaussianSolver | None) -> Bank:
         """The bank of a file; computed and written where there is none."""
@@ -154,7 +155,7 @@ class PatchEstimator:
             key = bank_key(solver.prior, self.taps, self.noise, grid, dtype, self.fast)
             bank = stored_bank(file, key, grid, self.taps, dtype)
             if bank is not None:
-                return bank
+                return computable(bank)
             bank = self._computed_bank(solver)
             if bank is not None:
                 write_bank(bank, self.taps.code.float(), key, file)
@@ -303,7 +304,7 @@ class Factors:
         too."""
         groups = layout.groups
         fits = FoldedPosterior.bytes_of(solver, len(groups)) <= MOST_FACTOR_BYTES
-        if not fits or not solver.by_displacement(layout.code, _estimates(groups, 1), False):
+        if not fits or not solver.displaceable(layout.code):
             return None
         solver.drop_rows()
         room, start = FoldedPosterior.room(solver, len(groups)), 0
@@ -366,8 +367,8 @@ class LMMSE(PatchDecoder):
     Args:
         uncertainty: also predict the standard deviation of every entry; takes some times longer where codes do not
             repeat.
-        fast: where it is prepared for many frames behind tiled codes, decode each in two thirds of the time, some
-            hundredths of a dB below.
+        fast: where it is prepared for many frames behind tiled codes, decode each in half the time where the
+            processor computes with bfloat16, else in two thirds, some hundredths of a dB below.
         calibrated: with the standard deviation, bring it to the errors of known scenes; False leaves it as predicted.
     """
 

@@ -296,5 +296,5 @@ def displacement_pays(model: BlockModel, estimates: float, variance: bool) -> bo
     first, last = model.valid
     row = 2 * m * taps * channels * h
     by_rows = row * w + 20 * taps * m**2 + estimates * m * channels * h * w / 4
-    waves = estimates * 16 * 2 * h * (w + 1) * channels**2
+    waves = estimates * 64 * h * (w + 1) * channels**2
     return (taps * m) ** 2 + waves + variance * row * (last - first) < by_rows

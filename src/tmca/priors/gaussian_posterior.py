@@ -85,13 +85,13 @@ class BlockPosterior:
         return -factor.diagonal().log().sum() - white.square().sum(0) / 2
 
     def linear(self, block: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Of one block: the matrix (m, n) that measurements are multiplied by, the estimate (n,) where they are zero,
+        """Of one block: the matrix (n, m) that measurements are multiplied by, the estimate (n,) where they are zero,
         and the variance (n,) of its error."""
         cross, expected = self.cross[:, block], self.expected[block]
         exact = torch.cholesky_inverse(self._factor(block)) @ cross.double()
         dark = self.solver.mean - (expected.double() @ exact).to(cross.dtype)
         gain = exact.to(cross.dtype)
-        return gain, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
+        return gain.mT, dark, (self.solver.variance - (cross * gain).sum(0)).clamp(min=0)
 
     @cached_property
     def _factors(self) -> Sequence[Tensor]:
@@ -259,8 +259,11 @@ class GaussianSolver:
     def by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
         """Whether blocks under a code are solved without covariances with pixels; arguments as in `posterior`."""
         learned = code.requires_grad and estimates > 0
-        possible = self.prior.stationary and code.device.type == "cpu" and not learned
-        return possible and displacement_pays(self.model, estimates, variance)
+        return self.displaceable(code) and not learned and displacement_pays(self.model, estimates, variance)
+
+    def displaceable(self, code: Tensor) -> bool:
+        """Whether blocks under a code can be solved so."""
+        return self.prior.stationary and code.device.type == "cpu"
 
     def at_once(self, code: Tensor, memory: int, estimates: float, variance: bool) -> int:
         """How many blocks are solved together within so many bytes; arguments as in `posterior`."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import torch
 
+from tmca.devices import computes_half
 from tmca.errors import SettingError
 from tmca.training.settings import RunSettings
 
@@ -29,11 +30,8 @@ def choose_precision(asked: Literal["auto"] | Precision, accelerator: str = "aut
     """
     if asked != "auto":
         return asked
-    if _on_cuda(accelerator):
-        computed = torch.cuda.is_bf16_supported(including_emulation=False)
-    else:  # AMX and AVX-512 on x86, BF16 on ARM
-        computed = any(there and name.endswith("bf16") for name, there in torch.cpu.get_capabilities().items())
-    return "bf16-mixed" if computed else "32-true"
+    device = torch.device("cuda" if _on_cuda(accelerator) else "cpu")
+    return "bf16-mixed" if computes_half(device) else "32-true"
 
 
 def start_engine(settings: RunSettings, precision: Precision, accelerator: str, processes: int, nodes: int) -> Fabric:

@@ -96,7 +96,10 @@ def local_level(start: Tensor) -> Tensor:
     differs; being local, it is the same for a patch and for the whole image.
     """
     mean = start.detach().mean(1, keepdim=True).clamp_min(0)
-    return avg_pool2d(mean, _SIDE, 1, _SIDE // 2, count_include_pad=False).clamp_min(_DARKEST)
+    for side in ((_SIDE, 1), (1, _SIDE)):  # a square at once takes seventeen times as long
+        around = (side[0] // 2, side[1] // 2)
+        mean = avg_pool2d(mean, side, 1, around, count_include_pad=False)
+    return mean.clamp_min(_DARKEST)
 
 
 def noise_maps(noise: Noise, level: Tensor) -> Tensor:
