@@ -68,7 +68,7 @@ def live(
         weights: of a network: a file or run of `tmca train`, default or universal; the decoder is then network.
         bank: file that stores what lmmse computes for camera, noise and prior, for the next start.
         uncertainty: also estimate every pixel's standard deviation.
-        fast: lmmse in two thirds of the time, some hundredths of a dB below.
+        fast: lmmse in half or two thirds of the time, some hundredths of a dB below.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest. Every
             exposure is corrected by it, and decoded by the camera as it was measured.
         exposures: how many to decode; until Ctrl-C without.
