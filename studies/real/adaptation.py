@@ -23,7 +23,8 @@ DECODERS: dict[str, tuple[str, dict[str, Any]]] = {
     "admm-tv-joint": ("admm-tv-joint", {}),
     "universal network": ("network", {"weights": "universal"}),
     "adapted, with the stop": ("network", {"weights": "universal", "adapt": 60}),
-    "adapted, 60 steps": ("network", {"weights": "universal", "adapt": 60, "early_stop": False}),
+    "from ADMM-TV": ("network", {"weights": "universal", "start": "admm-tv-joint"}),
+    "from ADMM-TV, adapted": ("network", {"weights": "universal", "start": "admm-tv-joint", "adapt": 60}),
 }
 
 

@@ -13,8 +13,8 @@ from tmca.decoders.lmmse import LMMSE, PatchEstimator
 from tmca.decoders.misfit import Misfit, misfit_of
 from tmca.decoders.nets.build import build_network
 from tmca.decoders.nets.network import Network
+from tmca.decoders.nets.starts import first_estimate
 from tmca.decoders.nets.subspace import SubspaceNetwork
-from tmca.decoders.nets.tiles import first_estimate
 from tmca.decoders.nets.weights import OtherCodes, Weights
 from tmca.decoders.pnp import (
     nl_means_denoiser,

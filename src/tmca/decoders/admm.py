@@ -88,6 +88,16 @@ def default_weight(noise_sigma: float = 0.0) -> float:
     return 0.002 + 15 * noise_sigma**2
 
 
+def usual_weight(noise_sigma: float, gain: float) -> float:
+    """`default_weight`, which was chosen at equal exposure: ``gain`` times the light is its square times the data term.
+
+    Args:
+        noise_sigma: as there.
+        gain: see `tmca.decoders.least_squares.exposure_gain`.
+    """
+    return default_weight(noise_sigma / gain) * gain**2
+
+
 class _Split:
     """The copies w = (u, v, √β z) of K x = (x, ∇x, √β x), and one iteration over them.
 
@@ -282,9 +292,7 @@ class VariationDecoder(Decoder):
         return result.raw(tv_weight=weight)
 
     def _usual_weight(self, camera: Any, values: Tensor) -> float:
-        """The default was chosen at equal exposure; K times the light is K² times the data term."""
-        gain = exposure_gain(camera)
-        return default_weight(noise_level(camera, values) / gain) * gain**2
+        return usual_weight(noise_level(camera, values), exposure_gain(camera))
 
 
 @dataclass

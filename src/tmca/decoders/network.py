@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.adaptation import adapt_network
 from tmca.decoders.nets.shipped import DEFAULT, SHIPPED
+from tmca.decoders.nets.starts import VARIATION, VariationStart
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
 from tmca.decoders.nets.weights import Weights, same_bands
-from tmca.errors import SettingError, check_range
+from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import TapOperator
 from tmca.priors import find_prior
 from tmca.sensor import Sensor
@@ -47,12 +48,18 @@ class NetworkDecoder(Decoder):
         adapt: steps by which it learns from the snapshot itself before it decodes it: some pixels are hidden from it,
             and it learns to predict them (spectral and light-field snapshots); 0 for none.
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.
+        start: own (the first estimate that it learned with) or admm-tv-joint, which needs no prior: better of real
+            captures, with adapt (spectral and light-field snapshots).
     """
 
     name, label, cameras = "network", "network", frozenset({"spectral", "light-field", "spectral-depth"})
     weights: str | Path | Weights | None = None
     adapt: int = 0
     early_stop: bool = True
+    start: str = "own"
+
+    def __post_init__(self) -> None:
+        check_choice("start", self.start, ("own", VARIATION))
 
     def trained(self, camera: Any) -> Weights:
         """The weights; those that come with tmca behind their codes; a SettingError if there are none."""
@@ -75,22 +82,21 @@ class NetworkDecoder(Decoder):
         kind = "mixture" if network.start == "mixture" else "gaussian"
         return find_prior(camera, given, kind, progress)
 
-    def setup(self, camera: Any, prior: Any) -> tuple[CollapsedNetwork | TwoHeadedNetwork, Any, str]:
-        """See `Decoder`: the network behind its camera, its prior, and the file of its weights."""
+    def setup(self, camera: Any, prior: Any) -> tuple[CollapsedNetwork | TwoHeadedNetwork, str]:
+        """See `Decoder`: the network behind its camera, and the file of its weights."""
         weights = self.trained(camera)
         weights.check(camera)
         check_range("adapt", self.adapt, 0, unit="steps")
         prior = weights.load_prior(camera) if prior is None else prior
         network, path = _on(weights.network_for(camera), camera.response.device), str(weights.path or "")
         if not isinstance(network, TwoHeadedUNet):
-            return CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior), prior, path
-        if self.adapt:
-            found, wanted = (
-                f"{self.adapt} steps on a {camera.kind} snapshot",
-                "0, or a spectral or light-field snapshot",
-            )
-            raise SettingError("adapt", found, wanted)
-        return TwoHeadedNetwork(network, camera, prior), prior, path
+            starts = None if self.start == "own" else partial(VariationStart, noise=camera.noise, gain=camera.exposures)
+            return CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior, starts=starts), path
+        for name, usual in (("adapt", 0), ("start", "own")):
+            if getattr(self, name) != usual:
+                found = f"{getattr(self, name)} on a {camera.kind} snapshot"
+                raise SettingError(name, found, f"{usual}, or a spectral or light-field snapshot")
+        return TwoHeadedNetwork(network, camera, prior), path
 
     def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
         super().precompute(prepared, bank)
@@ -98,25 +104,23 @@ class NetworkDecoder(Decoder):
         return prepared
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
-        run, prior, path = prepared
+        run, path = prepared
+        notes = {"weights": path, **({} if self.start == "own" else {"start": self.start})}
         values = values.to(next(run.network.parameters()).dtype)
         if not self.adapt:
             raw: Raw = run(values, progress)
-            raw.notes["weights"] = path
+            raw.notes |= notes
             return raw
-        parts = [self._adapted(run, prior, one, report) for one, report in one_by_one(values, progress)]
+        parts = [self._adapted(run, one, report) for one, report in one_by_one(values, progress)]
         raws, told = zip(*parts, strict=True)
         deviations = [raw.deviation for raw in raws if raw.deviation is not None]
         deviation = torch.cat(deviations) if deviations else None
-        notes = {"weights": path, "adapted": "; ".join(told)}
-        return Raw(torch.cat([raw.values for raw in raws]), deviation, notes=notes)
+        return Raw(torch.cat([raw.values for raw in raws]), deviation, notes=notes | {"adapted": "; ".join(told)})
 
-    def _adapted(
-        self, run: CollapsedNetwork, prior: Any, snapshot: Tensor, progress: Progress | None
-    ) -> tuple[Raw, str]:
+    def _adapted(self, run: CollapsedNetwork, snapshot: Tensor, progress: Progress | None) -> tuple[Raw, str]:
         """The estimate of one snapshot by a network that learned from it, and how that went."""
         how: dict[str, Any] = {"stop": self.early_stop, "progress": part_of(progress, 0, _ADAPTED)}
-        better = adapt_network(run, prior, snapshot, self.adapt, **how)
+        better = adapt_network(run, snapshot, self.adapt, **how)
         return better.run(snapshot, part_of(progress, _ADAPTED, 1)), str(better)
 
 

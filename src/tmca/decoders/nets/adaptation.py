@@ -17,7 +17,7 @@ from torch import Tensor
 
 from tmca.decoders.batches import part_of
 from tmca.decoders.decoder import Progress
-from tmca.decoders.nets.tiles import CollapsedNetwork, Tile, prepared_start, window_of
+from tmca.decoders.nets.tiles import CollapsedNetwork, Tile, window_of
 from tmca.errors import check_range
 from tmca.operators import TapOperator, Taps
 
@@ -52,10 +52,10 @@ class Blind:
     start: Tensor
 
     @classmethod
-    def of(cls, run: CollapsedNetwork, prior: Any, snapshot: Tensor, hidden: Tensor) -> Self:
+    def of(cls, run: CollapsedNetwork, snapshot: Tensor, hidden: Tensor) -> Self:
         operator = TapOperator(without(run.operator.taps, hidden))
         seen = snapshot * ~hidden
-        return cls(hidden, seen, operator, prepared_start(run.network.start, operator, run.noise, prior)(seen, None))
+        return cls(hidden, seen, operator, run.starts(operator)(seen, None))
 
     def error(self, network: Any, run: CollapsedNetwork, snapshot: Tensor, tile: Tile) -> tuple[Tensor, Tensor]:
         """Sums over the hidden pixels of a tile's rows: of squared errors of their prediction, and of their squares."""
@@ -99,16 +99,14 @@ class AdaptedNetwork:
 
 
 def adapt_network(
-    run: CollapsedNetwork, prior: Any, snapshot: Tensor, steps: int, *, stop: bool = True,
-    progress: Progress | None = None,
-) -> AdaptedNetwork:  # fmt: skip
+    run: CollapsedNetwork, snapshot: Tensor, steps: int, *, stop: bool = True, progress: Progress | None = None
+) -> AdaptedNetwork:
     """Adapt a network to a snapshot of its camera; the given one stays as it is.
 
     Only the estimate is learned; a standard deviation that the network predicts changes with it, and is not.
 
     Args:
         run: the network behind its camera.
-        prior: of its first estimates.
         snapshot: (1, R, H, W').
         steps: of Adam, at most.
         stop: end where the error of pixels that are never learned from has not fallen for a while, and take the step
@@ -120,7 +118,7 @@ def adapt_network(
     """
     check_range("adapt", steps, 1)
     random = torch.Generator().manual_seed(0)
-    watched, *learned = _blinds(run, prior, snapshot, random, part_of(progress, 0, _STARTED))
+    watched, *learned = _blinds(run, snapshot, random, part_of(progress, 0, _STARTED))
     network = deepcopy(run.network).requires_grad_(True)
     before = _watched(watched, network, run, snapshot)
     if isnan(before):
@@ -143,14 +141,14 @@ def adapt_network(
 
 
 def _blinds(
-    run: CollapsedNetwork, prior: Any, snapshot: Tensor, random: torch.Generator, report: Callable[[float], None]
+    run: CollapsedNetwork, snapshot: Tensor, random: torch.Generator, report: Callable[[float], None]
 ) -> list[Blind]:
     """The snapshot without each of some sets of pixels, the first of which says when to stop."""
     draw = torch.rand(snapshot.shape[-2:], generator=random).to(snapshot.device)
     made = list[Blind]()
     for fold in range(_FOLDS + 1):
         hidden = (draw >= HIDDEN * fold) & (draw < HIDDEN * (fold + 1))
-        made.append(Blind.of(run, prior, snapshot, hidden))
+        made.append(Blind.of(run, snapshot, hidden))
         report(len(made) / (_FOLDS + 1))
     return made
 

@@ -1,4 +1,4 @@
-"""A trained network over whole frames: what it starts from, and tiles that bound its memory and leave no seam."""
+"""A trained network over whole frames, by tiles that bound its memory and leave no seam."""
 
 from __future__ import annotations
 
@@ -12,24 +12,20 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tmca.arguments import described
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.batches import part_of
 from tmca.decoders.decoder import Progress, Raw
-from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.likelihood import DepthRaw
-from tmca.decoders.lmmse import PatchEstimator
-from tmca.decoders.nets.network import NEED_PRIOR, STARTS, TILE, Network
+from tmca.decoders.nets.network import TILE, Network
+from tmca.decoders.nets.starts import PatchStart, Starts, prepared_start
 from tmca.decoders.nets.two_headed import DepthEstimate, TwoHeadedUNet, check_sizes, first_likelihood, first_stage
-from tmca.errors import SettingError, check_choice, check_range
+from tmca.errors import SettingError, check_range
 from tmca.operators import TapOperator
 from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.sensor import Noise
 
 _STARTED = {"collapsed": 0.9, "likelihood": 0.8}
 """Share of the time that a first estimate takes, as a rule."""
-_LEAST_READ_NOISE = 5e-4
-"""Snapshot units: float32 is enough above it, and networks have no use for more."""
 Part = tuple[slice, slice]
 """Rows and columns."""
 
@@ -79,66 +75,6 @@ def over_tiles(
     return whole
 
 
-@dataclass(frozen=True)
-class PatchStart:
-    """First estimates (B, L, H, W) by the patch LMMSE or mixture."""
-
-    estimator: PatchEstimator
-
-    def __call__(self, snapshot: Tensor, progress: Progress | None) -> Tensor:
-        return self.estimator(snapshot, progress=progress).estimate.to(snapshot.dtype)
-
-
-def prepared_start(
-    kind: str,
-    operator: TapOperator,
-    noise: Noise,
-    prior: GaussianPrior | GaussianMixturePrior | None = None,
-    *,
-    differentiable: bool = False,
-) -> Callable[[Tensor, Progress | None], Tensor]:
-    """What makes first estimates (B, L, H, W) of snapshots (B, 1, H, W') of one camera.
-
-    Args:
-        kind: ``"adjoint"`` (Φᵀy, the thesis' start), ``"dagger"`` (least-norm scene), ``"tikhonov"`` (least squares
-            with a smooth scene), ``"lmmse"`` or ``"mixture"``.
-        operator: that took the snapshots.
-        noise: of the sensor.
-        prior: for the LMMSE, or of the mixture.
-        differentiable: let gradients reach code and snapshot through Tikhonov's or the LMMSE too.
-
-    Raises:
-        SettingError: unknown kind, no prior, or one of the other kind.
-    """
-
-    def smooth(snapshot: Tensor, progress: Progress | None) -> Tensor:
-        with torch.set_grad_enabled(differentiable and torch.is_grad_enabled()):
-            return tikhonov(operator, snapshot, progress=progress)
-
-    check_choice("start", kind, STARTS)
-    if kind not in NEED_PRIOR:
-        adjoint, dagger = operator.A_adjoint, operator.A_dagger
-        return {"adjoint": lambda y, _: adjoint(y), "dagger": lambda y, _: dagger(y), "tikhonov": smooth}[kind]
-    if not isinstance(prior, GaussianPrior if kind == "lmmse" else GaussianMixturePrior):
-        found = "none" if prior is None else described(prior)
-        raise SettingError("prior", found, f"one for a network that starts from {kind}")
-    quiet = Noise(max(noise.read, _LEAST_READ_NOISE), noise.shot)
-    return PatchStart(PatchEstimator(prior, operator.taps, quiet, dtype=torch.float32, differentiable=differentiable))
-
-
-def first_estimate(
-    kind: str,
-    snapshot: Tensor,
-    operator: TapOperator,
-    noise: Noise,
-    prior: GaussianPrior | GaussianMixturePrior | None = None,
-    *,
-    differentiable: bool = False,
-) -> Tensor:
-    """(B, 1, H, W') → (B, L, H, W); arguments and errors as in `prepared_start`."""
-    return prepared_start(kind, operator, noise, prior, differentiable=differentiable)(snapshot, None)
-
-
 class CollapsedNetwork:
     """A network behind a collapsed camera: ``run(snapshot) -> Raw`` of the scene and, of a network that predicts it,
     its standard deviation; any height and width.
@@ -150,6 +86,7 @@ class CollapsedNetwork:
         prior: of the first estimate; None where it needs none.
         tile: rows of the scene that pass the network at once, no more than its own ``tile``, and as many columns where
             the optics mix no columns; None for all. The estimate is the same to rounding.
+        starts: makes what makes first estimates of an operator's snapshots; None for the network's own.
 
     Raises:
         SettingError: tiles of less than one row, or no prior for a network that needs one.
@@ -162,10 +99,12 @@ class CollapsedNetwork:
         noise: Noise,
         prior: GaussianPrior | GaussianMixturePrior | None = None,
         tile: int | None = TILE,
+        starts: Starts | None = None,
     ) -> None:
         check_range("tile", 1 if tile is None else tile, 1)
         self.network, self.operator, self.noise = network, operator, noise
-        self.start = prepared_start(network.start, operator, noise, prior)
+        self.starts = starts or (lambda behind: prepared_start(network.start, behind, noise, prior))
+        self.start = self.starts(operator)
         _, height, width = operator.scene_shape
         self.size, side = (height, width), max(height, width) if tile is None else min(tile, network.tile)
         across = side if keeps_columns(operator) else width

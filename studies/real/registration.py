@@ -1,0 +1,61 @@
+"""What register masks give real captures: ``python -m studies.real.registration DATA --scenes real_scene1``.
+
+Every capture is taken with the mask as its file has it, with the place that the prototype's blocks tell, and with that
+of most evidence, which the capture alone tells. The table says how well ADMM-TV then predicts 5 % of the pixels of the
+brightest rows, which it is not shown (the ten numbers of the place come from the whole capture).
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import torch
+
+from studies.bench import import_capture
+from studies.real.merit import brightest_rows, neighbours_error, prediction_error, withheld
+from studies.real.study import MASK, SCENES, captures_folder, single_disperser
+from tmca.cameras import Snapshot, SpectralCamera
+from tmca.decoders import decode
+from tmca.lab.registering import MaskImage
+from tmca.registration import register
+
+
+def rows_of(folder: Path, name: str, rows: int) -> Iterator[str]:
+    """Lines of the table of one capture."""
+    capture, prototype, mask = folder / f"tsa/{name}.mat", single_disperser(), folder / MASK
+    filed = import_capture(capture, prototype.model_copy(update={"registration": MaskImage()}), mask)
+    yield f"| {name} | as filed | {withheld_error(filed, rows)} | | |"
+    yield f"| {name} | by blocks | {withheld_error(import_capture(capture, prototype, mask), rows)} | | |"
+    begun = time.process_time()
+    found = register(filed)
+    seconds = time.process_time() - begun
+    yield f"| {name} | by evidence | {withheld_error(found.snapshot, rows)} | {found} | {seconds:.0f} |"
+
+
+def withheld_error(snapshot: Snapshot[SpectralCamera], rows: int) -> str:
+    """Error of ADMM-TV over pixels that it is not shown, and that of the mean of their neighbours."""
+    part = brightest_rows(snapshot, rows)
+    blind, hidden = withheld(part)
+    estimate = decode(blind, "admm-tv-joint").values.float()
+    error = prediction_error(part.camera.operator(), estimate, part.values, hidden)
+    return f"{error:.2%} | {neighbours_error(part.values, hidden):.2%}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, help="folder with tsa/, or with cassi/tsa/")
+    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--rows", type=int, default=200, help="of a capture, its brightest")
+    options = parser.parse_args()
+    torch.set_num_threads(1)
+    print("| capture | mask | withheld pixels | mean of neighbours | place | CPU s |", "| --- " * 6 + "|", sep="\n")
+    for name in options.scenes:
+        for line in rows_of(captures_folder(options.data), name, options.rows):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
