@@ -276,6 +276,11 @@ def settings_of(decoder: type[Any]) -> list[Setting]:
     ]
 
 
+def setting_names(decoder: type[Any]) -> set[str]:
+    """Names of the settings of a decoder."""
+    return {setting.name for setting in settings_of(decoder)}
+
+
 def _helps(text: str) -> dict[str, str]:
     """Name → help of the section ``Args:`` of a docstring."""
     section = re.search(r"^Args:\n((?:    .*\n?|\n)+)", text, re.MULTILINE)

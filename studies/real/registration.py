@@ -19,14 +19,14 @@ from studies.real.merit import brightest_rows, neighbours_error, prediction_erro
 from studies.real.study import MASK, SCENES, captures_folder, single_disperser
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode
-from tmca.lab.registering import MaskImage
 from tmca.registration import register
 
 
 def rows_of(folder: Path, name: str, rows: int) -> Iterator[str]:
     """Lines of the table of one capture."""
     capture, prototype, mask = folder / f"tsa/{name}.mat", single_disperser(), folder / MASK
-    filed = import_capture(capture, prototype.model_copy(update={"registration": MaskImage()}), mask)
+    as_filed = type(prototype.registration)()
+    filed = import_capture(capture, prototype.model_copy(update={"registration": as_filed}), mask)
     yield f"| {name} | as filed | {withheld_error(filed, rows)} | | |"
     yield f"| {name} | by blocks | {withheld_error(import_capture(capture, prototype, mask), rows)} | | |"
     begun = time.process_time()

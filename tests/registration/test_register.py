@@ -15,7 +15,7 @@ from tmca.errors import DataError, SettingError
 from tmca.optics import Dispersion
 from tmca.optics.spectral import on_columns
 from tmca.priors import GaussianMixturePrior, GaussianPrior
-from tmca.registration import MaskPlacement, NotRegistered, face, register
+from tmca.registration import MaskPlacement, NotRegistered, dispersion, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
 
@@ -126,6 +126,7 @@ def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
     assert found.placement.shift == pytest.approx(true.shift, abs=0.08)
     assert found.placement.rotation == pytest.approx(true.rotation, abs=0.1)
     np.testing.assert_allclose(found.placement.strain, true.strain, atol=3e-3)
+    assert ("dispersion" in found.std) == (found.dispersion != 1)
     scene = smooth_scene(*SIZE, 4, seed=5)
     errors = [
         (tmca.reconstruct(one, "lmmse", prior=PRIOR).values - scene).square().mean()
@@ -134,12 +135,28 @@ def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
     assert errors[0] < 0.3 * errors[1]
 
 
+def test_a_dispersion_is_as_sure_as_its_evidence_is_curved():
+    _, snapshot = elsewhere(camera(**DISPERSED, shutter="open"), MOVED, 1.01)
+    errors = np.arange(0.007, 0.0135, 0.0005)
+    others = [dispersion.scaled(snapshot, PRIOR, 1 + error) for error in errors]
+    blocks = others[0].among(100, 4)
+    count = others[0].solver.model.measurements
+    values = [count * one.value(MOVED, blocks) / one.solver.model.measurements for one in others]
+    best = errors[np.argmax(values)]
+    curve = np.polyfit(errors - best, values, 4)
+    std = dispersion.dispersion_std(snapshot, PRIOR, MOVED, blocks, best)
+    assert std == pytest.approx((-2 * curve[2]) ** -0.5, rel=0.2)
+    assert abs(best - 0.01) < max(5 * std, 0.0005)
+
+
 def test_a_dispersion_that_the_snapshot_does_not_tell_stays_and_the_mask_is_found(monkeypatch):
-    monkeypatch.setattr(face, "_stretched", lambda *given: (1.0, given[4] * face.MOST_DISPERSION))  # at the limit
+    limit = dispersion.MOST_DISPERSION
+    monkeypatch.setattr(dispersion, "_stretched", lambda *given: (1.0, given[4] * limit))
     _, snapshot = elsewhere(camera(**DISPERSED), MOVED)
     found = register(snapshot, PRIOR)
     assert found.converged
     assert found.dispersion == 1
+    assert "dispersion" not in found.std
     np.testing.assert_allclose(found.placement.shift, MOVED[:2], atol=0.2)
 
 

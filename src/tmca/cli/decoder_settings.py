@@ -11,13 +11,6 @@ if TYPE_CHECKING:
     from tmca.decoders import Decoder
 
 
-def known_settings(decoder: type[Decoder]) -> set[str]:
-    """Names of the settings of a decoder."""
-    from tmca.arguments import settings_of
-
-    return {setting.name for setting in settings_of(decoder)}
-
-
 def given_settings(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
     """Settings that have an option of their own; decoders that predict a standard deviation do, unless told not to."""
     predicts = decoder is None or decoder.deviation

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.decoder_settings import check_dictionary, given_settings, known_settings, settings_of_texts
+from tmca.cli.decoder_settings import check_dictionary, given_settings, settings_of_texts
 from tmca.cli.options.numbers import MaybeOn, MaybeWhole
 from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
 from tmca.errors import OutputError, SettingError, TmcaError, check_choice
@@ -167,6 +167,7 @@ class _Job:
     def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
         """One whose decoder may be the usual one of the snapshot's camera; where there are several decoders, each
         takes of the settings those that it has."""
+        from tmca.arguments import setting_names
         from tmca.decoders import decoders_for
         from tmca.lab.calibration.apply import load_snapshot
 
@@ -179,8 +180,8 @@ class _Job:
             check_dictionary(asked.dictionary, decoder, kind, available)
         how, texts = given_settings(chosen, asked.how) | made, asked.texts
         if several and chosen is not None:
-            how = {name: value for name, value in how.items() if name in known_settings(chosen)}
-            texts = [text for text in texts if text.partition("=")[0].strip() in known_settings(chosen)]
+            how = {name: value for name, value in how.items() if name in setting_names(chosen)}
+            texts = [text for text in texts if text.partition("=")[0].strip() in setting_names(chosen)]
         settings = how | settings_of_texts(chosen, texts)
         return cls(file, taken, decoder, chosen, settings, asked, several, own=bool(made))
 
@@ -369,7 +370,9 @@ def _usual(camera: Any, asked: _Asked) -> tuple[str, dict[str, Any]]:
 
 def _check_taken(jobs: Sequence[_Job], asked: _Asked) -> None:
     """Raises SettingError for a setting that none of several decoders has."""
-    known = {name for job in jobs if job.cls is not None for name in known_settings(job.cls)}
+    from tmca.arguments import setting_names
+
+    known = {name for job in jobs if job.cls is not None for name in setting_names(job.cls)}
     named = [text.partition("=")[0].strip() for text in asked.texts]
     named += [name for name, value in asked.how.items() if value is not None and name != "uncertainty"]
     for name in named:

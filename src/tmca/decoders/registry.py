@@ -8,7 +8,7 @@ from inspect import isabstract
 from typing import TYPE_CHECKING, Any
 from warnings import warn
 
-from tmca.arguments import checked_settings, settings_of
+from tmca.arguments import checked_settings, setting_names, settings_of
 from tmca.cameras import CAMERAS, load_cameras
 from tmca.errors import SettingError, check_choice, did_you_mean
 from tmca.plugins import BrokenPlugin, load_plugins
@@ -52,7 +52,7 @@ def usual_for(camera: Any, given: Iterable[str] = ()) -> tuple[str, dict[str, An
     """
     for name, cls in decoders_for(camera.kind).items():
         own = cls.usual_settings(camera)
-        if own is not None and {*given} <= {setting.name for setting in settings_of(cls)}:
+        if own is not None and {*given} <= setting_names(cls):
             return name, own
     return usual_decoder(camera.kind), {}
 

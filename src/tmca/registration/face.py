@@ -15,23 +15,12 @@ import numpy as np
 from tmca.arguments import described
 from tmca.cameras import Snapshot
 from tmca.cameras.coded import CodedCamera
-from tmca.codes import Codes
 from tmca.errors import DataError, SettingError
-from tmca.operators.block_layout import Places
-from tmca.optics.spectral import on_columns
 from tmca.priors import Prior, find_prior
+from tmca.registration.dispersion import dispersion_std, with_dispersion
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import NAMES, MaskPlacement
-from tmca.registration.search import LAST, Climbed, climb, deviations, gain_over_drawn, search
-
-MOST_DISPERSION = 0.015
-"""Relative error of the dispersion that is looked for."""
-_CELLS = 3
-"""Parts of the frame along each side, each with a block, that dispersions are tried on."""
-_ROUNDS, _NEARBY = 2, 0.002
-"""Turns of mask and dispersion after the first, and how far a dispersion may move in one."""
-_LEAST_DISPLACEMENT = 0.02
-"""Pixels: a dispersion whose outermost bands move less is left as it is, one tap a band instead of two."""
+from tmca.registration.search import LAST, Climbed, deviations, gain_over_drawn, search
 
 
 class NotRegistered(UserWarning):
@@ -45,8 +34,9 @@ class Registered:
     Args:
         snapshot: with a camera whose mask and dispersion are in place; as it was given where nothing stood out.
         placement: of the mask on the scene.
-        std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, from
-            the curvature of the evidence: the least that they can be; NaN where it has none.
+        std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, and of
+            the dispersion where it is not as drawn, from the curvature of the evidence: the least that they can be; NaN
+            where it has none.
         dispersion: displacement of the bands over that which was drawn, about the middle.
         evidence_gain: of the logarithm of a block's evidence over that of the mask as drawn.
         converged: whether a place stood out; if not, the placement is that of the mask as drawn.
@@ -64,7 +54,8 @@ class Registered:
     def __str__(self) -> str:
         if not self.converged:
             return "not registered: no place of the mask stands out, it stays where it was drawn"
-        more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f} times as drawn"
+        exact = f" ± {self.std['dispersion']:.5f}" if "dispersion" in self.std else ""
+        more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f}{exact} times as drawn"
         return f"mask {self.placement}{more} ({self.seconds:.0f} s)"
 
 
@@ -115,6 +106,8 @@ def register(
         return lost
     blocks = evidence.among(LAST.share * max(evidence.size) / 2, LAST.cells)
     std = _std(deviations(evidence, climbed.vector, blocks), evidence.size)
+    if factor != 1:
+        std["dispersion"] = dispersion_std(taken, of_scenes, climbed.vector, blocks, factor - 1)
     gain, moved = gain_over_drawn(evidence, climbed.vector, blocks), _moved(taken, evidence, climbed).to(device)
     placement, seconds = MaskPlacement.of(climbed.vector, evidence.size), time.perf_counter() - began
     return Registered(moved, placement, std, factor, gain, True, seconds)
@@ -124,56 +117,6 @@ def _not_registered(snapshot: Snapshot[Any], size: tuple[int, int], seconds: flo
     nowhere = np.zeros(len(NAMES))
     std = _std(np.full(len(NAMES), np.nan), size)
     return Registered(snapshot, MaskPlacement.of(nowhere, size), std, 1.0, 0.0, False, seconds)
-
-
-def with_dispersion(
-    snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
-) -> tuple[float, Climbed, MaskEvidence]:
-    """The most probable dispersion for a mask that is nearly in place, and the mask behind it; the dispersion as it was
-    drawn where the snapshot does not tell it, which ends at the limit."""
-    half, vector = max(evidence.size) / 2, climbed.vector
-    few, many = evidence.among(half, _CELLS), evidence.among(LAST.share * half, LAST.cells)
-    sides = [_stretched(snapshot, prior, vector, few, side, (0, MOST_DISPERSION)) for side in (-1, 1)]
-    error = max(sides)[1]
-    for _ in range(_ROUNDS):
-        if abs(error) * np.ptp(snapshot.camera.dispersion.displacement) / 2 < _LEAST_DISPLACEMENT:
-            return 1.0, climbed, evidence
-        other = scaled(snapshot, prior, 1 + error)
-        vector = climb(other, vector, many, LAST._replace(steps=4))
-        around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
-        error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
-    if abs(error) >= 0.98 * MOST_DISPERSION:
-        return 1.0, climbed, evidence
-    return 1 + error, Climbed(vector, True), scaled(snapshot, prior, 1 + error)
-
-
-def _stretched(
-    snapshot: Snapshot[Any], prior: Any, vector: np.ndarray, blocks: Places, side: int, within: tuple[float, float]
-) -> tuple[float, float]:
-    """Gain and relative error of the most probable dispersion that is smaller (-1) or larger (1) than was drawn.
-
-    Both sides begin at their own zero: wider dispersions leave other measurements complete.
-    """
-    from scipy.optimize import minimize_scalar
-
-    def cost(error: float) -> float:
-        other = scaled(snapshot, prior, 1 + side * error)
-        return -other.value(vector, blocks) / other.solver.model.measurements
-
-    least = 1e-4
-    options, bounds = {"xatol": 1e-4, "maxiter": 6}, (max(least, within[0]), within[1])
-    best = minimize_scalar(cost, bounds=bounds, method="bounded", options=options)
-    return cost(least) - float(best.fun), side * float(best.x)
-
-
-def scaled(snapshot: Snapshot[Any], prior: Any, factor: float) -> MaskEvidence:
-    """The evidence where bands lie so many times as far from their middle."""
-    drawn = snapshot.camera.dispersion
-    bands = drawn.scaled(factor)
-    first, width = drawn.origin - bands.origin, snapshot.camera.size[1] + bands.extent
-    aperture, shutter = snapshot.camera.codes()
-    camera = snapshot.camera.replace(dispersion=bands, codes=Codes(aperture, on_columns(shutter, first, width)))
-    return MaskEvidence(camera, on_columns(snapshot.values, first, width), prior)
 
 
 def _moved(snapshot: Snapshot[Any], evidence: MaskEvidence, climbed: Climbed) -> Snapshot[Any]:

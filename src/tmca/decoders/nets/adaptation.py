@@ -128,14 +128,17 @@ def adapt_network(
     for step in range(1, steps + 1):
         _learn(learned[step % _FOLDS], network, run, snapshot, optimiser, random)
         report(step / steps)
-        if step % _EVERY and step < steps:
+        if not stop or (step % _EVERY and step < steps):
             continue
         error = _watched(watched, network, run, snapshot)
-        if error < best or not stop:
+        if error < best:
             best, best_state, best_step, waited = error, deepcopy(network.state_dict()), step, 0
         elif (waited := waited + 1) == _PATIENCE:
             break
-    network.load_state_dict(best_state)
+    if stop:
+        network.load_state_dict(best_state)
+    else:
+        best, best_step = _watched(watched, network, run, snapshot), steps
     report(1.0)
     return AdaptedNetwork(run.with_network(network), best_step, before, best)
 
