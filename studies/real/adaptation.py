@@ -21,6 +21,7 @@ from tmca.decoders import decode
 
 DECODERS: dict[str, tuple[str, dict[str, Any]]] = {
     "admm-tv-joint": ("admm-tv-joint", {}),
+    "pnp-subspace": ("pnp-subspace", {}),
     "universal network": ("network", {"weights": "universal"}),
     "adapted, with the stop": ("network", {"weights": "universal", "adapt": 60}),
     "from ADMM-TV": ("network", {"weights": "universal", "start": "admm-tv-joint"}),
