@@ -286,19 +286,20 @@ class _Reconstructions:
         rows = 1 + count // columns
         aspect = cube.shape[1] / cube.shape[2]
         figure, axes = grid(rows, columns, width=3.6, aspect=aspect)
-        places = iter(axes.flat)
+        panels = iter(axes.flat)
         if self.truth is not None:
-            self.composite(axis := next(places), self.truth, "truth")
+            self.composite(axis := next(panels), self.truth, "truth")
             mark(axis, self.points)
-        self.composite(axis := next(places), cube, captioned(name, cube, self.truth))
+        self.composite(axis := next(panels), cube, captioned(name, cube, self.truth))
         mark(axis, self.points)
         maps = {_ERROR: self.errors.get(name), _PREDICTED: self.predicted.get(name)}
         drawn = {title: values for title, values in maps.items() if values is not None}
         for title, values in drawn.items():
-            image(next(places), values, title, **self.look, bar=_UNIT if title == list(drawn)[-1] else "")
+            image(next(panels), values, title, **self.look, bar=_UNIT if title == list(drawn)[-1] else "")
         panel = _joined(figure, axes[-1])
         spectra(panel, {**self.real, name: cube}, self.wavelengths, self.points, self.deviations)
-        panel.set_title("spectra at (row, column) " + ", ".join(map(str, self.points)), fontsize=TITLE)
+        places = "\n" * (columns == 1) + ", ".join(map(str, self.points))  # one column is too narrow for one line
+        panel.set_title(f"spectra at (row, column) {places}", fontsize=TITLE)
         panel.set_box_aspect(min(1.0, aspect / columns, 0.6))
         legend_below(figure, panel)
         return figure
