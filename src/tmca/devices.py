@@ -37,7 +37,8 @@ def computes_half(device: torch.device) -> bool:
     """Whether a device computes with bfloat16; others emulate it, many times slower than float32."""
     if device.type == "cuda":
         return bool(torch.cuda.is_bf16_supported(including_emulation=False))
-    return any(there and name.endswith("bf16") for name, there in torch.cpu.get_capabilities().items())
+    known = torch.cpu.get_capabilities().items() if torch.backends.mkldnn.is_available() else ()
+    return any(there and name.endswith("bf16") for name, there in known)
 
 
 def usual_device() -> torch.device | None:

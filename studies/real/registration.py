@@ -13,8 +13,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import torch
+from torch import Tensor
+from torch.nn.functional import pad
 
-from studies.bench import import_capture
+from studies.bench import import_capture, without_pixels
 from studies.real.merit import brightest_rows, neighbours_error, prediction_error, withheld
 from studies.real.study import MASK, SCENES, captures_folder, single_disperser
 from tmca.cameras import Snapshot, SpectralCamera
@@ -27,19 +29,22 @@ def rows_of(folder: Path, name: str, rows: int) -> Iterator[str]:
     capture, prototype, mask = folder / f"tsa/{name}.mat", single_disperser(), folder / MASK
     as_filed = type(prototype.registration)()
     filed = import_capture(capture, prototype.model_copy(update={"registration": as_filed}), mask)
-    yield f"| {name} | as filed | {withheld_error(filed, rows)} | | |"
-    yield f"| {name} | by blocks | {withheld_error(import_capture(capture, prototype, mask), rows)} | | |"
+    hidden = withheld(brightest_rows(filed, rows))[1]
+    yield f"| {name} | as filed | {withheld_error(filed, rows, hidden)} | | |"
+    yield f"| {name} | by blocks | {withheld_error(import_capture(capture, prototype, mask), rows, hidden)} | | |"
     begun = time.process_time()
     found = register(filed)
     seconds = time.process_time() - begun
-    yield f"| {name} | by evidence | {withheld_error(found.snapshot, rows)} | {found} | {seconds:.0f} |"
+    there = filed.camera.dispersion.origin - found.snapshot.camera.dispersion.origin  # its sensor may begin elsewhere
+    moved = pad(hidden.float(), (there, found.snapshot.values.shape[3] - hidden.shape[1] - there)) > 0
+    yield f"| {name} | by evidence | {withheld_error(found.snapshot, rows, moved)} | {found} | {seconds:.0f} |"
 
 
-def withheld_error(snapshot: Snapshot[SpectralCamera], rows: int) -> str:
-    """Error of ADMM-TV over pixels that it is not shown, and that of the mean of their neighbours."""
+def withheld_error(snapshot: Snapshot[SpectralCamera], rows: int, hidden: Tensor) -> str:
+    """Error of ADMM-TV over hidden pixels (rows, W') of the brightest rows, and that of the mean of their
+    neighbours."""
     part = brightest_rows(snapshot, rows)
-    blind, hidden = withheld(part)
-    estimate = decode(blind, "admm-tv-joint").values.float()
+    estimate = decode(without_pixels(part, hidden), "admm-tv-joint").values.float()
     error = prediction_error(part.camera.operator(), estimate, part.values, hidden)
     return f"{error:.2%} | {neighbours_error(part.values, hidden):.2%}"
 

@@ -181,6 +181,8 @@ def test_a_network_adapts_from_another_first_estimate():
     assert adapted.notes["adapted"].startswith("2 steps")
     with pytest.raises(SettingError, match="start: found 'nearest', expected one of own, admm-tv-joint"):
         decode(snapshot, "network", weights=weights, start="nearest")
+    with pytest.raises(SettingError, match=r"prior: .* expected none where the network starts from admm-tv-joint"):
+        decode(snapshot, "network", weights=weights, start="admm-tv-joint", prior="any.nc")
 
 
 def test_a_network_of_depth_has_none():

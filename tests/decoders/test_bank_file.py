@@ -87,7 +87,7 @@ def test_what_is_no_bank_is_refused_and_stays(tmp_path, content):
     with pytest.raises(DataError, match="something else"):
         by_bank(path)
     save_file({"a": torch.zeros(3)}, path, {"format": "tmca bank 1"})
-    with pytest.raises(DataError, match="found the format tmca bank 1, expected tmca bank 2"):
+    with pytest.raises(DataError, match="found the format tmca bank 1, expected tmca bank 3"):
         by_bank(path)
     (tmp_path / "folder").mkdir()
     with pytest.raises(DataError, match="name another file"):

@@ -326,3 +326,10 @@ def test_the_local_level_is_the_mean_of_a_flat_scene_and_never_zero():
     flat = torch.tensor([0.2, 0.4]).reshape(1, 2, 1, 1).expand(1, 2, 20, 50)
     torch.testing.assert_close(local_level(flat), torch.full((1, 1, 20, 50), 0.3))
     assert local_level(torch.zeros(1, 2, 5, 5)).min() > 0
+
+
+@pytest.mark.parametrize("size", [(7, 20), (40, 75), (33, 34)])
+def test_the_local_level_is_the_mean_over_a_square(size):
+    start = torch.rand(2, 3, *size, generator=torch.Generator().manual_seed(1))
+    square = torch.nn.functional.avg_pool2d(start.mean(1, keepdim=True), 33, 1, 16, count_include_pad=False)
+    torch.testing.assert_close(local_level(start), square)

@@ -70,6 +70,14 @@ def check_nothing_changes(estimator, frames, kept, within):
     torch.testing.assert_close(found.deviation, solved.deviation.expand_as(found.deviation), rtol=0, atol=100 * within)
 
 
+@pytest.mark.parametrize("pays", [True, False])
+def test_factors_are_the_same_however_blocks_are_solved(no_room_for_banks, monkeypatch, pays):
+    monkeypatch.setattr("tmca.priors.gaussian_posterior.displacement_pays", lambda *_: pays)
+    camera = SpectralCamera(3, (12, 33), slots=4, shutter="random", sensor=Sensor(read_noise=0.03))
+    frames = camera(smooth_scene(*camera.size, 3, seed=2).float()[None], generator=0)
+    check_nothing_changes(PatchEstimator(prior_of(3), camera.taps(), camera.noise), frames, "factors", 1e-5)
+
+
 @pytest.mark.parametrize("name", CAMERAS)
 @pytest.mark.parametrize("stride", [None, (3, 4), (2, 5)])
 @pytest.mark.parametrize(("size", "period"), [((9, 40), (3, 4)), ((12, 33), (4, 5)), ((7, 23), None), ((3, 9), None)])

@@ -135,9 +135,10 @@ def test_a_mask_is_found_and_the_scene_with_it(changes, factor):
     assert errors[0] < 0.3 * errors[1]
 
 
-def test_a_dispersion_is_as_sure_as_its_evidence_is_curved():
-    _, snapshot = elsewhere(camera(**DISPERSED, shutter="open"), MOVED, 1.01)
-    errors = np.arange(0.007, 0.0135, 0.0005)
+@pytest.mark.parametrize("factor", [1.01, 0.99])
+def test_a_dispersion_is_as_sure_as_its_evidence_is_curved(factor, monkeypatch):
+    _, snapshot = elsewhere(camera(**DISPERSED, shutter="open"), MOVED, factor)
+    errors = np.sign(factor - 1) * np.arange(0.007, 0.0135, 0.0005)
     others = [dispersion.scaled(snapshot, PRIOR, 1 + error) for error in errors]
     blocks = others[0].among(100, 4)
     count = others[0].solver.model.measurements
@@ -146,7 +147,9 @@ def test_a_dispersion_is_as_sure_as_its_evidence_is_curved():
     curve = np.polyfit(errors - best, values, 4)
     std = dispersion.dispersion_std(snapshot, PRIOR, MOVED, blocks, best)
     assert std == pytest.approx((-2 * curve[2]) ** -0.5, rel=0.2)
-    assert abs(best - 0.01) < max(5 * std, 0.0005)
+    assert abs(best - factor + 1) < max(5 * std, 0.0005)
+    monkeypatch.setattr(dispersion, "scaled", lambda *_: others[0])  # the same, whatever the dispersion
+    assert math.isnan(dispersion.dispersion_std(snapshot, PRIOR, MOVED, blocks, best))
 
 
 def test_a_dispersion_that_the_snapshot_does_not_tell_stays_and_the_mask_is_found(monkeypatch):

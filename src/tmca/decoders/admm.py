@@ -32,7 +32,7 @@ from tmca.errors import SettingError, check_range
 from tmca.operators.linear import LinearOperator
 
 _RELAXATION = 1.8
-_CHECK_EVERY = 10
+_CHECK_EVERY, _MOST_ITERATIONS = 10, 300
 _EDGE = 0.1  # image differences (relative irradiance) that the first threshold takes to be flat
 _IMBALANCE, _RESCALE = 10.0, 2.0
 _PART = 2**18  # values that a processor's cache holds, as many as six times
@@ -195,7 +195,7 @@ def admm_tv(
     *,
     joint: bool = False,
     bounds: Bounds | None = None,
-    max_iterations: int = 300,
+    max_iterations: int = _MOST_ITERATIONS,
     tolerance: float = 1e-3,
     rho: float | None = None,
     progress: Checked | None = None,
@@ -257,6 +257,20 @@ def admm_tv(
     return Result(split.estimate(), checked, objective, primals, duals, history[-1][0], converged)
 
 
+def least_variation(
+    operator: LinearOperator,
+    snapshot: Tensor,
+    weight: float,
+    *,
+    joint: bool,
+    iterations: int = _MOST_ITERATIONS,
+    progress: Progress | None = None,
+) -> Result:
+    """`admm_tv` of a scene of light, which is not negative; ``progress`` is called with the share that is done."""
+    how: dict[str, Any] = {"max_iterations": iterations, "progress": of_iterations(progress, iterations)}
+    return admm_tv(operator, snapshot, weight, joint=joint, bounds=(0.0, math.inf), **how)
+
+
 def _balance(primal: float, dual: float) -> float:
     """Factor on the penalty that evens out the residuals (Boyd et al. 2011, 3.4.1; Wohlberg 2017)."""
     if primal > _IMBALANCE * dual:
@@ -276,7 +290,7 @@ class VariationDecoder(Decoder):
     name, label, cameras = "admm-tv", "ADMM-TV", frozenset({"spectral", "light-field"})
     joint: ClassVar[bool] = False
     tv_weight: float | None = None
-    iterations: int = 300
+    iterations: int = _MOST_ITERATIONS
 
     def __post_init__(self) -> None:
         if self.tv_weight is not None:
@@ -285,11 +299,8 @@ class VariationDecoder(Decoder):
 
     def reconstruct(self, prepared: Any, values: Tensor, progress: Progress | None) -> Raw:
         weight = self._usual_weight(prepared, values) if self.tv_weight is None else self.tv_weight
-        result = admm_tv(
-            channel_operator(prepared), values, weight, joint=self.joint, bounds=(0.0, math.inf),
-            max_iterations=self.iterations, progress=of_iterations(progress, self.iterations),
-        )  # fmt: skip
-        return result.raw(tv_weight=weight)
+        how: dict[str, Any] = {"joint": self.joint, "iterations": self.iterations, "progress": progress}
+        return least_variation(channel_operator(prepared), values, weight, **how).raw(tv_weight=weight)
 
     def _usual_weight(self, camera: Any, values: Tensor) -> float:
         return usual_weight(noise_level(camera, values), exposure_gain(camera))

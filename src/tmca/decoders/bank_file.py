@@ -26,7 +26,7 @@ from tmca.operators.taps import Taps
 from tmca.priors import GaussianPrior
 from tmca.sensor import Noise
 
-FORMAT = "tmca bank 2"
+FORMAT = "tmca bank 3"
 """Raised when what banks hold, or how they are computed, changes."""
 _PLACES, _PARTS = ("pixels", "down", "across"), ("pixels", "down", "across", "matrix")
 """Tensors of a cell."""

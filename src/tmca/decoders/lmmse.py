@@ -110,11 +110,11 @@ class PatchEstimator:
         """Compute what all snapshots have in common: the next ones take a tenth of the time, and are the same to
         rounding.
 
-        That is a bank, where blocks see few different windows of the code, as those of tiles; else the factors of all
-        blocks. Under a mixture it is what is known of all components behind these windows. Nothing is done where
-        gradients are asked for, where a large mask's factors take more memory than ``MOST_FACTOR_BYTES`` or components
-        more than ``tmca.decoders.bank.MOST_BYTES``, and without a bank or a mixture on other devices than the
-        processor.
+        That is a bank, where blocks see few different windows of the code, as those of tiles; else, under a stationary
+        prior, the factors of all blocks. Under a mixture it is what is known of all components behind these windows.
+        Nothing is done where gradients are asked for, where a large mask's factors take more memory than
+        ``MOST_FACTOR_BYTES`` or components more than ``tmca.decoders.bank.MOST_BYTES``, and without a bank or a mixture
+        on other devices than the processor.
 
         Args:
             file: that holds the bank: read where it is there, written where it is not.
@@ -145,8 +145,12 @@ class PatchEstimator:
         bank = Bank.of(layout.grid, layout.code, layout.groups, self.window, solver)
         if bank is None or not self.fast:
             return bank
+        return faster(bank, self._expected(solver))
+
+    def _expected(self, solver: GaussianSolver) -> Tensor:
+        """(1, R, H, W') snapshot that the prior expects."""
         mean = solver.prior.mean.mean((1, 2)).to(self.taps.code)[None, :, None, None]
-        return faster(bank, TapOperator(self.taps).A(mean.expand(1, *self.taps.scene_shape)))
+        return TapOperator(self.taps).A(mean.expand(1, *self.taps.scene_shape))
 
     def _bank_in(self, file: Path, solver: GaussianSolver | None) -> Bank:
         """The bank of a file; computed and written where there is none."""
@@ -155,7 +159,7 @@ class PatchEstimator:
             key = bank_key(solver.prior, self.taps, self.noise, grid, dtype, self.fast)
             bank = stored_bank(file, key, grid, self.taps, dtype)
             if bank is not None:
-                return computable(bank)
+                return computable(bank, self._expected(solver)) if self.fast else bank
             bank = self._computed_bank(solver)
             if bank is not None:
                 write_bank(bank, self.taps.code.float(), key, file)

@@ -48,8 +48,8 @@ class NetworkDecoder(Decoder):
         adapt: steps by which it learns from the snapshot itself before it decodes it: some pixels are hidden from it,
             and it learns to predict them (spectral and light-field snapshots); 0 for none.
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.
-        start: own (the first estimate that it learned with) or admm-tv-joint, which needs no prior: better of real
-            captures, with adapt (spectral and light-field snapshots).
+        start: own (the first estimate that it learned with) or admm-tv-joint, which needs no prior and is better for
+            scenes unlike those of the network's prior, with adapt too (spectral and light-field snapshots).
     """
 
     name, label, cameras = "network", "network", frozenset({"spectral", "light-field", "spectral-depth"})
@@ -76,6 +76,8 @@ class NetworkDecoder(Decoder):
     def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
         if given is None:
             return None
+        if self.start != "own":
+            raise SettingError("prior", str(given), f"none where the network starts from {self.start}", "leave it out")
         network = self.trained(camera).network
         if isinstance(network, TwoHeadedUNet):
             raise SettingError("prior", str(given), "none beside weights, which bring their own", "leave it out")
@@ -87,7 +89,7 @@ class NetworkDecoder(Decoder):
         weights = self.trained(camera)
         weights.check(camera)
         check_range("adapt", self.adapt, 0, unit="steps")
-        prior = weights.load_prior(camera) if prior is None else prior
+        prior = weights.load_prior(camera) if prior is None and self.start == "own" else prior
         network, path = _on(weights.network_for(camera), camera.response.device), str(weights.path or "")
         if not isinstance(network, TwoHeadedUNet):
             starts = None if self.start == "own" else partial(VariationStart, noise=camera.noise, gain=camera.exposures)

@@ -66,8 +66,8 @@ def _stretched(
 
 
 def dispersion_std(snapshot: Snapshot[Any], prior: Any, vector: np.ndarray, blocks: Places, error: float) -> float:
-    """Standard deviation of a relative error of the dispersion at its maximum, by second differences on its side, the
-    mask being where it is; NaN where there is no maximum."""
+    """Standard deviation of a relative error of the dispersion while the mask stays where it is, by second differences
+    on its side, no nearer to zero than their step; NaN where there is no maximum."""
     side, middle = int(np.sign(error)), max(abs(error), _LEAST + _BEND)
     around = [scaled(snapshot, prior, 1 + side * (middle + away)) for away in (-_BEND, 0.0, _BEND)]
     count = around[1].solver.model.measurements

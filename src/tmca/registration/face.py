@@ -34,9 +34,9 @@ class Registered:
     Args:
         snapshot: with a camera whose mask and dispersion are in place; as it was given where nothing stood out.
         placement: of the mask on the scene.
-        std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, and of
-            the dispersion where it is not as drawn, from the curvature of the evidence: the least that they can be; NaN
-            where it has none.
+        std: standard deviations of shift down and right (pixels), rotation (degrees), scale, stretch and shear, behind
+            the dispersion that was found, and of the dispersion where it is not as drawn, with the mask where it was
+            found: from the curvature of the evidence, the least that they can be; NaN where it has none.
         dispersion: displacement of the bands over that which was drawn, about the middle.
         evidence_gain: of the logarithm of a block's evidence over that of the mask as drawn.
         converged: whether a place stood out; if not, the placement is that of the mask as drawn.
@@ -54,8 +54,7 @@ class Registered:
     def __str__(self) -> str:
         if not self.converged:
             return "not registered: no place of the mask stands out, it stays where it was drawn"
-        exact = f" ± {self.std['dispersion']:.5f}" if "dispersion" in self.std else ""
-        more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f}{exact} times as drawn"
+        more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f} times as drawn"
         return f"mask {self.placement}{more} ({self.seconds:.0f} s)"
 
 
@@ -106,8 +105,8 @@ def register(
         return lost
     blocks = evidence.among(LAST.share * max(evidence.size) / 2, LAST.cells)
     std = _std(deviations(evidence, climbed.vector, blocks), evidence.size)
-    if factor != 1:
-        std["dispersion"] = dispersion_std(taken, of_scenes, climbed.vector, blocks, factor - 1)
+    of_bands = (taken, of_scenes, climbed.vector, blocks, factor - 1)
+    std |= {} if factor == 1 else {"dispersion": dispersion_std(*of_bands)}
     gain, moved = gain_over_drawn(evidence, climbed.vector, blocks), _moved(taken, evidence, climbed).to(device)
     placement, seconds = MaskPlacement.of(climbed.vector, evidence.size), time.perf_counter() - began
     return Registered(moved, placement, std, factor, gain, True, seconds)

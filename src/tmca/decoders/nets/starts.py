@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -10,10 +9,10 @@ import torch
 from torch import Tensor
 
 from tmca.arguments import described
-from tmca.decoders.admm import admm_tv, usual_weight
+from tmca.decoders.admm import least_variation, usual_weight
 from tmca.decoders.batches import one_by_one
 from tmca.decoders.decoder import Progress
-from tmca.decoders.least_squares import of_iterations, tikhonov
+from tmca.decoders.least_squares import tikhonov
 from tmca.decoders.lmmse import PatchEstimator
 from tmca.decoders.nets.network import NEED_PRIOR, STARTS
 from tmca.errors import SettingError, check_choice
@@ -25,7 +24,6 @@ VARIATION = "admm-tv-joint"
 """Name of a first estimate that no network learned from: it needs no prior of scenes, which real ones may be unlike."""
 _LEAST_READ_NOISE = 5e-4
 """Snapshot units: float32 is enough above it, and networks have no use for more."""
-_ITERATIONS = 300
 Start = Callable[[Tensor, Progress | None], Tensor]
 """Makes first estimates (B, L, H, W) of snapshots (B, R, H, W')."""
 Starts = Callable[[TapOperator], Start]
@@ -93,7 +91,7 @@ def first_estimate(
 
 @dataclass(frozen=True)
 class VariationStart:
-    """First estimates of least total variation, see `tmca.decoders.admm.admm_tv`.
+    """First estimates of least total variation, see `tmca.decoders.admm.least_variation`.
 
     Args:
         operator: that took the snapshots.
@@ -111,7 +109,4 @@ class VariationStart:
 
     def _of_one(self, snapshot: Tensor, progress: Progress | None) -> Tensor:
         weight = usual_weight(float(self.noise.variance(snapshot).mean().sqrt()), self.gain)
-        return admm_tv(
-            self.operator, snapshot, weight, joint=True, bounds=(0.0, math.inf),
-            max_iterations=_ITERATIONS, progress=of_iterations(progress, _ITERATIONS),
-        ).estimate  # fmt: skip
+        return least_variation(self.operator, snapshot, weight, joint=True, progress=progress).estimate
