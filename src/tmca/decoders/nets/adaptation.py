@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from math import isnan, nan
 from typing import Any, Self
 
@@ -123,24 +124,35 @@ def adapt_network(
     before = _watched(watched, network, run, snapshot)
     if isnan(before):
         return AdaptedNetwork(run, 0, before, before)
-    best, best_state, best_step, waited = before, deepcopy(network.state_dict()), 0, 0
+    best, look = _Best(network, before), partial(_watched, watched, network, run, snapshot)
     optimiser, report = torch.optim.Adam(network.parameters(), RATE), part_of(progress, _STARTED, 1)
     for step in range(1, steps + 1):
         _learn(learned[step % _FOLDS], network, run, snapshot, optimiser, random)
         report(step / steps)
-        if not stop or (step % _EVERY and step < steps):
-            continue
-        error = _watched(watched, network, run, snapshot)
-        if error < best:
-            best, best_state, best_step, waited = error, deepcopy(network.state_dict()), step, 0
-        elif (waited := waited + 1) == _PATIENCE:
+        if stop and (step % _EVERY == 0 or step == steps) and best.is_past(look(), step):
             break
-    if stop:
-        network.load_state_dict(best_state)
-    else:
-        best, best_step = _watched(watched, network, run, snapshot), steps
     report(1.0)
-    return AdaptedNetwork(run.with_network(network), best_step, before, best)
+    if not stop:
+        return AdaptedNetwork(run.with_network(network), steps, before, look())
+    network.load_state_dict(best.state)
+    return AdaptedNetwork(run.with_network(network), best.step, before, best.error)
+
+
+class _Best:
+    """A network at its least error so far."""
+
+    def __init__(self, network: Any, error: float) -> None:
+        self.network, self.error, self.step, self._waited = network, error, 0, 0
+        self.state = deepcopy(network.state_dict())
+
+    def is_past(self, error: float, step: int) -> bool:
+        """Take the state after a step if its error is less; whether it has not been less for some looks."""
+        if error < self.error:
+            self.error, self.step, self._waited = error, step, 0
+            self.state = deepcopy(self.network.state_dict())
+        else:
+            self._waited += 1
+        return self._waited == _PATIENCE
 
 
 def _blinds(
