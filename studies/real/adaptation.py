@@ -6,17 +6,15 @@ table says how well each predicts them.
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from studies.bench import import_capture
+from studies.real.captures_table import print_table
 from studies.real.merit import brightest_rows, neighbours_error, prediction_error, withheld
-from studies.real.study import MASK, SCENES, captures_folder, single_disperser
+from studies.real.study import MASK, single_disperser
 from tmca.decoders import decode
 
 DECODERS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -43,18 +41,5 @@ def rows_of(folder: Path, name: str, rows: int) -> Iterator[str]:
         yield f"| {name} | {label} | {error:.2%} | {estimate.notes.get('adapted', '')} | {seconds:.0f} |"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder with tsa/, or with cassi/tsa/")
-    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
-    parser.add_argument("--rows", type=int, default=48, help="of a capture, its brightest")
-    options = parser.parse_args()
-    torch.set_num_threads(1)
-    print("| capture | decoder | withheld pixels | adaptation | CPU s |\n| --- | --- | --- | --- | --- |")
-    for name in options.scenes:
-        for line in rows_of(captures_folder(options.data), name, options.rows):
-            print(line, flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    print_table(__doc__ or "", "| capture | decoder | withheld pixels | adaptation | CPU s |", rows_of, 48)

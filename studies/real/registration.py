@@ -7,18 +7,17 @@ brightest rows, which it is not shown (the ten numbers of the place come from th
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Iterator
 from pathlib import Path
 
-import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
 from studies.bench import import_capture, without_pixels
+from studies.real.captures_table import print_table
 from studies.real.merit import brightest_rows, neighbours_error, prediction_error, withheld
-from studies.real.study import MASK, SCENES, captures_folder, single_disperser
+from studies.real.study import MASK, single_disperser
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.decoders import decode
 from tmca.registration import register
@@ -49,18 +48,7 @@ def withheld_error(snapshot: Snapshot[SpectralCamera], rows: int, hidden: Tensor
     return f"{error:.2%} | {neighbours_error(part.values, hidden):.2%}"
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder with tsa/, or with cassi/tsa/")
-    parser.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
-    parser.add_argument("--rows", type=int, default=200, help="of a capture, its brightest")
-    options = parser.parse_args()
-    torch.set_num_threads(1)
-    print("| capture | mask | withheld pixels | mean of neighbours | place | CPU s |", "| --- " * 6 + "|", sep="\n")
-    for name in options.scenes:
-        for line in rows_of(captures_folder(options.data), name, options.rows):
-            print(line, flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    print_table(
+        __doc__ or "", "| capture | mask | withheld pixels | mean of neighbours | place | CPU s |", rows_of, 200
+    )
