@@ -228,7 +228,7 @@ def machine() -> Found:
     return {"GFlop/s": 2e-9 * 2000**3 / product, "GB/s copied": 1e-9 * 4 * len(values) / copy}
 
 
-def live(exposures: int = 3600) -> Found:
+def live(exposures: int = 4500) -> Found:
     """Estimates a second of `tmca live` with a simulated bench of 30 exposures a second and a recording, all on this
     core, wall time; and the memory that it holds."""
     with tempfile.TemporaryDirectory() as folder:
@@ -306,8 +306,7 @@ ROWS: dict[str, Row] = {
         {"next": 0.04, "loss, dB": 0.1},
         fast,
         why="""Half of it are products in half precision, the rest gathers measurements, lays pixels, and calibrates the
-  deviation. Commit 2de910fc took 0.038 to 0.040 s in three runs where the machine was not shared; other work on it
-  slowed its products and copies by a third while this page was made.""",
+  deviation.""",
     ),
     "bank": Row("the same, from a bank that another process stored", {"first": 0.3}, from_bank),
     "untiled": Row(

@@ -1,4 +1,5 @@
-"""Where decoders compute: a device by its name, the one that is used where none is named, and what its memory lacks."""
+"""Where decoders and searches compute: a device by its name, the one that is used where none is named, and what its
+memory lacks."""
 
 from __future__ import annotations
 
@@ -46,9 +47,14 @@ def usual_device() -> torch.device | None:
     return _USUAL.get()
 
 
+def search_device() -> torch.device:
+    """That of ``computing_on``; the processor outside of it: searches of codes and masks compute there."""
+    return usual_device() or torch.device("cpu")
+
+
 @contextmanager
 def computing_on(name: str | torch.device | None) -> Iterator[None]:
-    """Within it decoders compute on a device, where none is named; None changes nothing.
+    """Within it decoders and searches compute on a device, where none is named; None changes nothing.
 
     Raises:
         SettingError: as `device_of`.

@@ -81,9 +81,10 @@ def _error(
     camera: SpectralDepthCamera, prior: GaussianPrior, cubes: Sequence[Tensor], window: int, depths: Tensor
 ) -> float:
     """Mean error in bins over depths (draws, scenes, 1, H, W) of the middles of scenes."""
-    scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float()
-    decoder, errors = PatchLikelihood(prior, camera, window), list[Tensor]()
-    for draw, depth in enumerate(depths):
+    device = camera.point_spread.waves.device
+    scenes = torch.stack([_middle(cube, camera.size) for cube in cubes]).float().to(device)
+    decoder, errors = PatchLikelihood(prior.to(device), camera, window), list[Tensor]()
+    for draw, depth in enumerate(depths.to(device)):
         estimate = decoder(camera(scenes, depth, generator=draw), planes=False, spectrum=False)
         errors.append((1 / estimate.depth - 1 / depth).abs().mean() / camera.planes.step)
     return float(torch.stack(errors).mean())

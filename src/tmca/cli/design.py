@@ -46,6 +46,8 @@ class DesignOptions:
     out: Path = Path("tmca-design")
     "Folder of the results."
     sensor: Sensor = None
+    device: str | None = None
+    "Where it is searched: cpu, cuda or cuda:1."
     overwrite: Overwrite = False
     json: Json = False
     markdown: Markdown = False
@@ -142,12 +144,13 @@ def spectral_depth(
     """
     from tmca.design import MaskEffort
     from tmca.design.mask_advised import mask_advice_lines
+    from tmca.devices import computing_on
     from tmca.reports.mask_page import columns_of
     from tmca.reports.masks import design_spectral_depth
 
     how = {**camera.arguments(), **search.arguments(), "effort": MaskEffort(search.starts, search.steps)}
     how |= {"bench": bench.arguments(), **run.how(sheet)}
-    with progress_bar(f"design {run.out.name}") as progress:
+    with computing_on(run.device), progress_bar(f"design {run.out.name}") as progress:
         advice, report = design_spectral_depth(scenes=scenes, progress=progress, **how)
     _report(report, mask_advice_lines(advice), report["designs"], columns_of(report), run)
 
@@ -156,10 +159,11 @@ def _search_codes(design: Any, run: DesignOptions, search: CodeSearchSpec, **how
     """Search codes of a camera with an aperture and a shutter, and say what was found."""
     from tmca.design import QUICK
     from tmca.design.advised import advice_lines
+    from tmca.devices import computing_on
     from tmca.reports.codes import columns_of, other_files
 
     how |= {**search.model_dump(exclude={"quick"}), **({"survey": QUICK, "effort": QUICK} if search.quick else {})}
-    with progress_bar(f"design {run.out.name}") as progress:
+    with computing_on(run.device), progress_bar(f"design {run.out.name}") as progress:
         advice, report = design(progress=progress, **how)
     said, has = advice_lines(advice), "; it has the survey of every number of slots"
     _report(report, said, report["designs"], columns_of(report), run, has, other_files(report["files"]))

@@ -71,6 +71,16 @@ class BlockMse:
         mean = prior.mean.reshape(-1).double()[pixels]
         return cls(model, rows[:, flat].reshape(shape), reach.reshape(shape), mean, variance, read_noise, shot)
 
+    @property
+    def device(self) -> torch.device:
+        """Where errors are computed; codes come from anywhere."""
+        return self.covariance.device
+
+    def to(self, device: torch.device) -> BlockMse:
+        """The same blocks, judged on a device."""
+        moved = {name: getattr(self, name).to(device) for name in ("covariance", "reach", "mean")}
+        return replace(self, **moved)
+
     def under(self, read_noise: float, shot: float) -> BlockMse:
         """The same blocks under another noise.
 
@@ -98,8 +108,8 @@ class BlockMse:
         return errors
 
     def weights(self, windows: Tensor) -> Tensor:
-        """(P, R·m, T) weights, float64, of the pixels under the taps of every measurement."""
-        return self.model.complete(windows.double()).flatten(2).mT
+        """(P, R·m, T) weights, float64 on ``device``, of the pixels under the taps of every measurement."""
+        return self.model.complete(windows.to(self.device, torch.float64)).flatten(2).mT
 
 
 @dataclass(frozen=True)
@@ -223,6 +233,11 @@ class MixtureMse:
         """Geometry of the blocks."""
         return self.parts[0].model
 
+    @property
+    def device(self) -> torch.device:
+        """See ``BlockMse``."""
+        return self.parts[0].device
+
     def for_buckets(self, buckets: int) -> MixtureMse:
         """See ``BlockMse``."""
         return replace(self, parts=tuple(part.for_buckets(buckets) for part in self.parts))
@@ -282,9 +297,9 @@ def count_places(model: BlockModel, period: tuple[int, int], count: int) -> int:
 def windows(code: Tensor, block: tuple[int, int, int], places: list[tuple[int, int]]) -> Tensor:
     """(P, taps, h, w) windows of a code (taps, period rows, period columns) that repeats itself for ever."""
     (_, h, w), (_, height, width) = block, code.shape
-    top, left = torch.tensor(places).unbind(1)
-    rows = (top[:, None] + torch.arange(h)) % height
-    columns = (left[:, None] + torch.arange(w)) % width
+    top, left = torch.tensor(places, device=code.device).unbind(1)
+    rows = (top[:, None] + torch.arange(h, device=code.device)) % height
+    columns = (left[:, None] + torch.arange(w, device=code.device)) % width
     return code[:, rows[:, :, None], columns[:, None, :]].transpose(0, 1)
 
 
@@ -304,7 +319,7 @@ class TileMse:
         """Scalar of one period (taps, rows, columns), judged on blocks moved by ``shift`` (rows, columns);
         differentiable."""
         places = phases(self.error.model, (code.shape[1], code.shape[2]), shift)
-        total = code.new_zeros((), dtype=torch.float64)
+        total = torch.zeros((), dtype=torch.float64, device=self.error.device)
         for start in range(0, len(places), self.most):
             total = total + self.error(windows(code, self.error.model.block, places[start : start + self.most])).sum()
         return total / len(places)

@@ -165,7 +165,7 @@ def _changed_rows(changes: Tensor) -> tuple[Tensor, Tensor]:
 
 def _middle(among: Tensor) -> Tensor:
     """Inverse of ``[[H, 1], [1, 0]]``: ``[[0, 1], [1, -H]]``."""
-    one = torch.eye(among.shape[1], dtype=among.dtype).expand_as(among)
+    one = torch.eye(among.shape[1], dtype=among.dtype, device=among.device).expand_as(among)
     return torch.cat([torch.cat([torch.zeros_like(among), one], 2), torch.cat([one, -among], 2)], 1)
 
 
@@ -200,15 +200,16 @@ class TileState:
         return self.error.weights(seen).unflatten(0, (len(codes), len(places)))
 
     def gains(self, changes: Tensor) -> tuple[Tensor, Tensor]:
-        """(B,) by how much changes (B, taps, rows, columns) of the code lower the error, and (B, P) whom they touch."""
+        """(B,) by how much changes (B, taps, rows, columns) of the code lower the error, and (B, P) whom they touch;
+        both on the processor, where flips are chosen."""
         weights = self.weights(changes)
         touched = (weights != 0).flatten(2).any(2)
-        gains = torch.zeros(len(changes), dtype=torch.float64)
+        gains = weights.new_zeros(len(changes))
         for place, block in enumerate(self.blocks):
             those = touched[:, place].nonzero().flatten()
             if len(those):
                 gains[those] += (block.value - block.after(weights[those, place])) / len(self.blocks)
-        return gains, touched
+        return gains.cpu(), touched.cpu()
 
     def move(self, code: Tensor, touched: Tensor) -> None:
         """Take over a code that differs in the blocks (P,) that are touched."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from torch import Tensor
+from torch.nn import Module
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.design.spectral_depth import confusion
@@ -42,6 +43,12 @@ class MaskCandidate:
     seconds: float
     history: tuple[float, ...] = field(repr=False)
     errors: tuple[float, float] | None = None
+
+    def to(self, device: str) -> MaskCandidate:
+        """The same on a device; its camera is moved there."""
+        moved = {part.name: getattr(self, part.name) for part in fields(self)}
+        moved = {name: part.to(device) for name, part in moved.items() if isinstance(part, Tensor | Module)}
+        return replace(self, **moved)
 
     @property
     def slots(self) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
@@ -15,6 +15,7 @@ from tmca.codes import BURST
 from tmca.design.mask_advised import MaskAdvice, MaskCandidate
 from tmca.design.search import Parts, Progress
 from tmca.design.spectral_depth import confusion, depth_information, design_masks, window_covariance
+from tmca.devices import search_device
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.optics import MODES, PhaseMaskBench, Stroke, mask_heights
 from tmca.priors import GaussianPrior
@@ -74,6 +75,7 @@ class MaskTask:
         learn: some of ``"mask"``, ``"shutter"``, ``"filters"``.
         window: side of the windows of a snapshot that are judged, pixels.
         seed: of what is random.
+        device: where masks are searched.
 
     Raises:
         SettingError: a family without random starts, nothing to learn, no window, or fewer than three depth planes.
@@ -89,6 +91,7 @@ class MaskTask:
     window: int = 8
     seed: int = 0
     modes: int = MODES
+    device: torch.device = field(default_factory=search_device)
 
     def __post_init__(self) -> None:
         check_choice("mask", self.family, SEARCHED)
@@ -98,7 +101,7 @@ class MaskTask:
         check_range("planes", self.camera.get("planes", 8), 3)
 
     def camera_of(self, slots: int, number: int = 0) -> SpectralDepthCamera:
-        """A camera with the random masks of a start; those of other seeds are others.
+        """A camera with the random masks of a start, on the task's device; those of other seeds are others.
 
         Raises:
             SettingError: heights of this rms are beyond the stroke, or nothing is learnable with so many slots.
@@ -115,7 +118,7 @@ class MaskTask:
         return SpectralDepthCamera(
             **{**self.camera, "size": SIZE, "slots": slots, "bench": self.bench, "mask": heights, "shutter": shutter},
             seed=self.seed, learnable=learnable,
-        )  # fmt: skip
+        ).to(self.device)  # fmt: skip
 
     def with_two_buckets(self, shutter: str = "balanced") -> MaskTask:
         """The same for pixels with two buckets; their shutter is balanced, or that of a burst of frames."""
@@ -173,13 +176,13 @@ def search_masks(
     check_range("buckets", buckets, 1, 2)
     if buckets == 2 and task.camera.get("buckets", 1) != 1:
         raise SettingError("buckets", "2 beside a task of two buckets", "a task of one bucket")
-    search, twice = _Search(task, prior, effort or MaskEffort(), judge), more if buckets == 2 else []
+    search, twice = _Search(task, prior.to(task.device), effort or MaskEffort(), judge), more if buckets == 2 else []
     searched = [k for k in twice if not task.is_burst(k)]
     part = Parts(progress, [1.0] * (1 + len(more)) + [_READINGS] * (bool(twice) + len(searched)))
     static = search(1, None, part("masks, K = 1"))
     candidates = [static, *(search(k, static, part(f"masks, K = {k}")) for k in more)]
     if not twice:
-        return MaskAdvice(tuple(candidates))
+        return MaskAdvice(tuple(each.to("cpu") for each in candidates))
     burst = replace(search, task=task.with_two_buckets(BURST))(2, static, part("masks, burst of two frames"))
     search = replace(search, task=task.with_two_buckets())
     for k in twice:
@@ -188,7 +191,7 @@ def search_masks(
             candidates.append(search(k, begun, part(f"masks, two buckets, K = {k}")))
         else:
             candidates.append(search.showing(burst))
-    return MaskAdvice(tuple(candidates), burst)
+    return MaskAdvice(tuple(each.to("cpu") for each in candidates), burst.to("cpu"))
 
 
 @dataclass(frozen=True)

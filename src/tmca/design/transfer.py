@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from torch import Tensor
 
 from tmca.cameras import CodedCamera
 from tmca.design.expected_error import BlockMse, Products, TileMse, even_places, quadratic, windows
+from tmca.devices import search_device
 from tmca.errors import DataError, SettingError, ShapeError, check_range
 from tmca.operators.blocks import BlockModel
 from tmca.priors.gaussian import GaussianPrior
@@ -58,6 +59,11 @@ class TransferMse:
         variance = float(model.in_valid(moved.variance).mean())
         return cls(error, true[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
 
+    def to(self, device: torch.device) -> TransferMse:
+        """See ``BlockMse``."""
+        moved = {name: getattr(self, name).to(device) for name in ("error", "covariance", "crossed", "mean")}
+        return replace(self, **moved)
+
     def for_buckets(self, buckets: int) -> TransferMse:
         """See ``BlockMse``."""
         return replace(self, error=self.error.for_buckets(buckets))
@@ -83,12 +89,14 @@ class Examples:
         scenes: prior of each scene alone, by name.
         areas: pixels of each.
         peaks: largest value of each, share of white.
+        device: where codes are judged by them.
     """
 
     model: BlockModel
     scenes: dict[str, GaussianPrior]
     areas: dict[str, int]
     peaks: dict[str, float]
+    device: torch.device = field(default_factory=search_device)
 
     @property
     def light(self) -> float:
@@ -114,7 +122,7 @@ class Examples:
             text = f"{light:g}, which brings the brightest value to {gain * max(self.peaks.values()):.3g} times white"
             raise SettingError("light", text, f"at most {self.most_light:.4g} with these scenes")
         scenes = {name: prior.scaled(gain) for name, prior in self.scenes.items()}
-        return Examples(self.model, scenes, self.areas, {name: gain * peak for name, peak in self.peaks.items()})
+        return replace(self, scenes=scenes, peaks={name: gain * peak for name, peak in self.peaks.items()})
 
     @cached_property
     def prior(self) -> GaussianPrior:
@@ -129,13 +137,14 @@ class Examples:
     @cached_property
     def error(self) -> BlockMse:
         """Expected error under the prior of all, without noise."""
-        return BlockMse.of(self.prior, self.model)
+        return BlockMse.of(self.prior, self.model).to(self.device)
 
     @cached_property
     def transfers(self) -> dict[str, TransferMse]:
         """Error on each scene under the prior of the others."""
         priors = {name: self.without(name) for name in self.scenes}
-        return {n: TransferMse.of(BlockMse.of(p, self.model), p, self.scenes[n]) for n, p in priors.items()}
+        errors = {n: TransferMse.of(BlockMse.of(p, self.model), p, self.scenes[n]) for n, p in priors.items()}
+        return {name: error.to(self.device) for name, error in errors.items()}
 
     def tile_mse(self, read_noise: float, shot: float) -> TileMse:
         """What optimisers lower."""

@@ -16,6 +16,7 @@ from tmca.data import split_rendered, split_rendered_light_fields
 from tmca.data.light_field_scenes import NOTHING, Reading, check_asked, read_middle
 from tmca.data.scenes import DarkScene, load_scene
 from tmca.design import Advice, Examples, MaskAdvice, Progress, SensorSheet, design_model, designable, learn_examples
+from tmca.devices import computing_on
 from tmca.errors import DataError, SettingError, check_choice
 from tmca.optics import view_grid
 from tmca.priors import views_of
@@ -36,6 +37,7 @@ def design_codes(
     sensor: Mapping[str, Any] | SensorSheet | Sensor | None = None,
     slots: Ints | None = None,
     seed: Seed = 0,
+    device: str | torch.device | None = None,
     overwrite: bool = False,
     progress: Asked = None,
     **how: Any,
@@ -50,6 +52,7 @@ def design_codes(
             ``read_noise_electrons``, ``exposure``, ….
         slots: numbers of slots to try; those that fit the exposure if None.
         seed: of random codes.
+        device: where it is searched, such as ``"cuda"``; the processor if None.
         overwrite: replace files that exist.
         progress: called with the share that is done and what is done next; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.
@@ -57,11 +60,12 @@ def design_codes(
             masks ``mask``, ``learn`` and ``window``.
 
     Raises:
-        SettingError, DataError, OutputError: an impossible setting, scenes that cannot be used, files that exist.
+        SettingError, DataError, OutputError: an impossible setting, a device that is not there, scenes that cannot be
+            used, files that exist.
     """
     check_choice("camera", camera, DESIGNS)
     sheet = _sheet(sensor)
-    with reporting(progress, f"design {Path(out).name}") as report:
+    with computing_on(device), reporting(progress, f"design {Path(out).name}") as report:
         advice: Advice | MaskAdvice = DESIGNS[camera](
             sheet, Path(out), scenes=scenes, slots=slots, seed=seed, overwrite=overwrite, progress=report, **how
         )[0]
