@@ -16,13 +16,15 @@ from typing import Any
 
 HEAD = """# Decoding live: seconds of a frame
 
-Command: `{command}` at commit {commits}; torch {torch}, {machine}, one thread. The load of the {cores} cores was at
+Command: `{command}` at {commits}; torch {torch}, {machine}, one thread. The load of the {cores} cores was at
 most {load:.1f} when a row began (its own is 1).
 
 *First* is the first frame of a camera, *preparing* computes what depends on camera, noise and prior alone, *next* is
 another frame of that camera, prepared; a *frame* of a decoder that prepares nothing is like any other. Of first frames
 and preparing one run was timed, of others the median of three or more; CPU time, of `tmca live` wall time. *Largest
-difference* is that of a prepared estimate from one that is solved anew, relative irradiance. Scene `coffee`, K = 8
+difference* is that of a prepared estimate from one that is solved anew, relative irradiance (the likelihood's is
+on purpose: it leaves out what hardly matters). A row beside which other work ran is measured again: that makes it up
+to half slower. Scene `coffee`, K = 8
 unless one mask is said, σ = 0.01, the prior of the rendered scenes, learned before. Goals are in brackets.
 {before}
 | row | what | figures | before |
@@ -124,6 +126,16 @@ def main() -> None:
         write_text(page({name: known[name] for name in ROWS if name in known}, options), options.out, overwrite=True)
 
 
+def _commits(known: dict[str, Any]) -> str:
+    """The commit at which most rows were measured, and the rows of others."""
+    rows: dict[str, list[str]] = {}
+    for name, one in known.items():
+        rows.setdefault(one["commit"], []).append(name)
+    most = max(rows, key=lambda commit: len(rows[commit]))
+    others = [f"{', '.join(names)} at `{commit}`" for commit, names in rows.items() if commit != most]
+    return "; ".join([f"commit `{most}`", *others])
+
+
 def page(known: dict[str, Any], options: argparse.Namespace) -> str:
     """The table, and the goals that are not reached."""
     import torch
@@ -133,9 +145,9 @@ def page(known: dict[str, Any], options: argparse.Namespace) -> str:
     before = BEFORE.format(commit=subprocess.check_output(git, text=True).strip()) if options.before else ""
     words = ["--before CHECKOUT"] if options.before else []
     command = " ".join(["python benchmarks/realtime.py", *words, f"--out {options.out}"])
-    commits, loads = sorted({one["commit"] for one in known.values()}), [one["load"] for one in known.values()]
-    head = HEAD.format(command=command, commits=" and ".join(f"`{one}`" for one in commits), torch=torch.__version__,
-                       machine=platform.machine(), cores=os.cpu_count(), load=max(loads), before=before)  # fmt: skip
+    load = max(one["load"] for one in known.values())
+    head = HEAD.format(command=command, commits=_commits(known), torch=torch.__version__,
+                       machine=platform.machine(), cores=os.cpu_count(), load=load, before=before)  # fmt: skip
     rows = [row_of(name, ROWS[name], one) for name, one in known.items()]
     reasons = "\n".join(reason for _, reason in rows if reason)
     tail = f"\n## Goals that are not reached\n\n{reasons}\n" if reasons else ""

@@ -321,7 +321,8 @@ ROWS: dict[str, Row] = {
         {"first": 25.0, "first, estimate alone": 25.0, "next": 8.0, "peak, GB": 4.0},
         lambda: with_and_without(large(), "lmmse"),
         lambda: unprepared(large(), "lmmse", 1, **WITH_DEVIATION),
-        why=_EVERY_BLOCK.format(blocks="3 740", measurements=376, operations="5·10¹²"),
+        why=_EVERY_BLOCK.format(blocks="3 740", measurements=376, operations="5·10¹²")
+        + " Blocks have four rows, those of before had two: 0.5 dB more.",
     ),
     "mixture": Row(
         "256×256×12, tiles of 32, mixture with deviation",

@@ -48,7 +48,7 @@ def usual_device() -> torch.device | None:
 
 
 def search_device() -> torch.device:
-    """That of ``computing_on``; the processor outside of it: searches of codes and masks compute there."""
+    """Where searches of codes and masks compute: the device of ``computing_on``, the processor outside of it."""
     return usual_device() or torch.device("cpu")
 
 
@@ -57,11 +57,13 @@ def computing_on(name: str | torch.device | None) -> Iterator[None]:
     """Within it decoders and searches compute on a device, where none is named; None changes nothing.
 
     Raises:
-        SettingError: as `device_of`.
+        SettingError: as `device_of`, or too little memory for what is computed within.
     """
-    token = _USUAL.set(usual_device() if name is None else device_of(name))
+    device = usual_device() if name is None else device_of(name)
+    token = _USUAL.set(device)
     try:
-        yield
+        with enough_memory(device or torch.device("cpu")):
+            yield
     finally:
         _USUAL.reset(token)
 
@@ -73,4 +75,4 @@ def enough_memory(device: torch.device) -> Iterator[None]:
         yield
     except torch.OutOfMemoryError as error:
         found = f"{device}, whose memory is too small ({reason(error)})"
-        raise SettingError("device", found, "room for the decoder", "decode on the cpu, or close other work") from None
+        raise SettingError("device", found, "room for the work", "compute on the cpu, or close other work") from None

@@ -52,8 +52,11 @@ def test_a_device_without_room_is_told_in_one_line(monkeypatch):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20.00 GiB.")
 
     monkeypatch.setattr(DECODERS["dagger"], "reconstruct", greedy)
-    with pytest.raises(SettingError, match=r"20.00 GiB.*decode on the cpu") as refusal:
+    with pytest.raises(SettingError, match=r"20.00 GiB.*compute on the cpu") as refusal:
         decode(taken(), "dagger")
     assert "\n" not in str(refusal.value)
-    with pytest.raises(SettingError, match="decode on the cpu"):
+    with pytest.raises(SettingError, match="compute on the cpu"):
         DECODERS["dagger"]().prepare(taken().camera)(taken())
+    with pytest.raises(SettingError, match=r"20.00 GiB.*compute on the cpu"), computing_on("cpu"):
+        greedy(None, None, None, None)
+    assert usual_device() is None

@@ -1,5 +1,7 @@
 """Searches on a device: nothing but the codes comes from the processor."""
 
+import json
+
 import pytest
 import torch
 
@@ -67,10 +69,12 @@ def test_masks_are_judged_where_they_lie():
     assert drawn >= 0
 
 
-def test_examples_and_masks_take_the_device_that_is_computed_on():
-    with computing_on("cpu"):
-        assert learn_examples(SCENES, block_error().model, WAVES).device == torch.device("cpu")
-        assert MaskTask(TASK.bench, TASK.camera).device == torch.device("cpu")
+def test_examples_and_masks_take_the_device_that_is_computed_on(monkeypatch):
+    monkeypatch.setattr("tmca.devices._KINDS", ("cpu", "meta"))
+    with computing_on("meta"):
+        assert learn_examples(SCENES, block_error().model, WAVES).device == torch.device("meta")
+        assert MaskTask(TASK.bench, TASK.camera).device == torch.device("meta")
+    assert MaskTask(TASK.bench, TASK.camera).device == torch.device("cpu")
 
 
 def test_a_device_that_is_not_there_is_refused_before_anything_is_written(tmp_path, capsys):
@@ -102,16 +106,33 @@ def test_a_graphics_processor_searches_codes_alike():
 
 @cuda
 def test_a_graphics_processor_searches_masks_alike():
-    scenes = [smooth_scene(80, 90, 2, seed=seed) for seed in range(2)]
     found = []
     for name in ("cpu", "cuda"):
         with computing_on(name):
             task = MaskTask(TASK.bench, TASK.camera, window=4)
-        judge = lambda camera: placed_error(camera, WINDOWS, scenes, 4)  # noqa: E731
-        found.append(search_masks(task, WINDOWS, [2], MaskEffort(1, 3), judge=judge, buckets=2))
+        found.append(search_masks(task, WINDOWS, [2], MaskEffort(1, 3), buckets=2))
     here, there = found
     for own, other in zip((*here.candidates, here.burst), (*there.candidates, there.burst), strict=True):
         assert not other.covariance.is_cuda
         assert not other.camera.point_spread.waves.is_cuda
         assert other.history[0] == pytest.approx(own.history[0], rel=1e-3)
         assert other.confusion == pytest.approx(own.confusion, rel=0.05)
+
+
+@cuda
+def test_a_graphics_processor_judges_masks_on_scenes_alike():
+    scenes = [smooth_scene(80, 90, 2, seed=seed) for seed in range(2)]
+    here, there = (placed_error(TASK.camera_of(2).to(name), WINDOWS, scenes, 4) for name in ("cpu", "cuda"))
+    assert there == pytest.approx(here, rel=0.2)  # of other noise
+
+
+@cuda
+@pytest.mark.parametrize(
+    ("camera", "effort"),
+    [("spectral", Effort(1, 2, 4)), ("light-field", Effort(1, 2, 4)), ("spectral-depth", MaskEffort(1, 2))],
+)
+def test_a_whole_design_is_written_from_a_graphics_processor(tmp_path, camera, effort):
+    shorter = {} if camera == "spectral-depth" else {"survey": effort, "period": 8}
+    design_codes(camera, out=tmp_path / "out", slots=[2], device="cuda", effort=effort, **shorter)
+    assert json.loads((tmp_path / "out" / "design.json").read_text())["device"] == "cuda"
+    assert (tmp_path / "out" / "codes.nc").is_file()

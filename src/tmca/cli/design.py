@@ -47,7 +47,7 @@ class DesignOptions:
     "Folder of the results."
     sensor: Sensor = None
     device: str | None = None
-    "Where it is searched: cpu, cuda or cuda:1."
+    "Device that computes the search: cpu, cuda or cuda:1."
     overwrite: Overwrite = False
     json: Json = False
     markdown: Markdown = False

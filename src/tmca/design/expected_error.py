@@ -73,11 +73,11 @@ class BlockMse:
 
     @property
     def device(self) -> torch.device:
-        """Where errors are computed; codes come from anywhere."""
+        """Where errors are computed; codes may lie on another device."""
         return self.covariance.device
 
     def to(self, device: torch.device) -> BlockMse:
-        """The same blocks, judged on a device."""
+        """The same blocks on another device."""
         moved = {name: getattr(self, name).to(device) for name in ("covariance", "reach", "mean")}
         return replace(self, **moved)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from torch import Tensor
 from torch.nn import Module
@@ -44,10 +44,10 @@ class MaskCandidate:
     history: tuple[float, ...] = field(repr=False)
     errors: tuple[float, float] | None = None
 
-    def to(self, device: str) -> MaskCandidate:
-        """The same on a device; its camera is moved there."""
-        moved = {part.name: getattr(self, part.name) for part in fields(self)}
-        moved = {name: part.to(device) for name, part in moved.items() if isinstance(part, Tensor | Module)}
+    def cpu(self) -> MaskCandidate:
+        """The same on the processor; its camera is moved there."""
+        parts = {part.name: getattr(self, part.name) for part in fields(self)}
+        moved: dict[str, Any] = {name: part.cpu() for name, part in parts.items() if isinstance(part, Tensor | Module)}
         return replace(self, **moved)
 
     @property

@@ -182,7 +182,7 @@ def search_masks(
     static = search(1, None, part("masks, K = 1"))
     candidates = [static, *(search(k, static, part(f"masks, K = {k}")) for k in more)]
     if not twice:
-        return MaskAdvice(tuple(each.to("cpu") for each in candidates))
+        return MaskAdvice(tuple(each.cpu() for each in candidates))
     burst = replace(search, task=task.with_two_buckets(BURST))(2, static, part("masks, burst of two frames"))
     search = replace(search, task=task.with_two_buckets())
     for k in twice:
@@ -191,7 +191,7 @@ def search_masks(
             candidates.append(search(k, begun, part(f"masks, two buckets, K = {k}")))
         else:
             candidates.append(search.showing(burst))
-    return MaskAdvice(tuple(each.to("cpu") for each in candidates), burst.to("cpu"))
+    return MaskAdvice(tuple(each.cpu() for each in candidates), burst.cpu())
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class TransferMse:
         return cls(error, true[:, flat].reshape(shape), crossed.reshape(shape), mean, variance)
 
     def to(self, device: torch.device) -> TransferMse:
-        """See ``BlockMse``."""
+        """The same scenes, and the prior's error, on another device."""
         moved = {name: getattr(self, name).to(device) for name in ("error", "covariance", "crossed", "mean")}
         return replace(self, **moved)
 

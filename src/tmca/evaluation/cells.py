@@ -242,8 +242,8 @@ STEPS: Mapping[str, type[Cell]] = {
 
 
 def compute(cell: Settings, folder: str, device: str | None = None, files: Mapping[str, str] | None = None) -> Measured:
-    """A cell of any kind, by its ``step``; ``folder`` takes its files, ``device`` is where it is decoded, and decoders
-    of ``files``, by their names, are those that were named where the cells are sent from."""
+    """A cell of any kind, by its ``step``; ``folder`` takes its files, ``device`` is where it is decoded or
+    searched, and decoders of ``files``, by their names, are those that were named where the cells are sent from."""
     for name, file in (files or {}).items():
         decoder_named(file, name=name)
     checked = STEPS[cell["step"]].model_validate(cell)

@@ -84,7 +84,7 @@ def run_sweep(
         work: folder of finished cells.
         jobs: processes side by side.
         cluster: parameters of submitit, to send the cells to Slurm instead.
-        device: where snapshots are decoded, ``"cuda"``; the processor without.
+        device: where snapshots are decoded and codes searched, ``"cuda"``; the processor without.
         overwrite: replace results of another sweep; those of this one are replaced without it.
         progress: called with (done, all, name, seconds left) after each cell; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.

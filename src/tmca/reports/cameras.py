@@ -52,7 +52,7 @@ def design_codes(
             ``read_noise_electrons``, ``exposure``, ….
         slots: numbers of slots to try; those that fit the exposure if None.
         seed: of random codes.
-        device: where it is searched, such as ``"cuda"``; the processor if None.
+        device: that computes the search, such as ``"cuda"``; the processor if None.
         overwrite: replace files that exist.
         progress: called with the share that is done and what is done next; True for a bar, False for none; None for
             one that is shown after a second in a terminal or a notebook.
@@ -60,8 +60,8 @@ def design_codes(
             masks ``mask``, ``learn`` and ``window``.
 
     Raises:
-        SettingError, DataError, OutputError: an impossible setting, a device that is not there, scenes that cannot be
-            used, files that exist.
+        SettingError, DataError, OutputError: an impossible setting, a device that is not there or too small, scenes
+            that cannot be used, files that exist.
     """
     check_choice("camera", camera, DESIGNS)
     sheet = _sheet(sensor)

@@ -182,6 +182,7 @@ def _described(
         "multiplex": advice.multiplex, "more_slots": advice.more_slots, "within": advice.within,
         "sensor": asdict(advice.sheet), "most_slots": advice.sheet.most_slots,
         "noise": {"read": advice.noise[0], "shot": advice.noise[1]}, "period": period,
+        "device": str(examples.device),
         "camera": best.design.camera.kind, "buckets": best.design.camera.buckets, "channels": examples.model.block[0],
         "light": examples.light, "examples_light": given_light,
         "block": list(examples.model.block), "scenes": list(examples.scenes),

@@ -100,6 +100,7 @@ def described(
         "filters": task.camera["filters"], "channels": task.camera["channels"], "period": best.camera.period,
         "shutter": task.shutter, "mask": task.family, "stroke": None if task.stroke is None else asdict(task.stroke),
         "learn": list(task.learn), "window": task.window, "seed": task.seed, "effort": asdict(effort),
+        "device": str(task.device),
         "scenes": list(prior.sources), "caveat": caveat, "designs": rows,
     }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 import time
 from itertools import pairwise
+from threading import Event
 from types import SimpleNamespace
 
 import pytest
@@ -19,7 +20,7 @@ from tmca.lab.calibration.capturing import capture_step
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import measure_all
-from tmca.lab.live import Exposures, Live
+from tmca.lab.live import Exposures, Live, Recording, recorded
 from tmca.lab.live.loop import residual_of
 from tmca.lab.quality import NotMeasured
 from tmca.sensor import Sensor
@@ -127,6 +128,19 @@ class Slow:
         return self.prepared(values)
 
 
+class Hanging:
+    """A driver that answers no more after some frames; a bench behind it takes them."""
+
+    def __init__(self, bench, frames):
+        self.bench, self.left = bench, iter(range(frames))
+
+    def __getattr__(self, name):
+        return getattr(self.bench, name)
+
+    def capture(self, whole=False):
+        return Event().wait() if next(self.left, None) is None else self.bench.capture(whole)
+
+
 def loop_of(exposures, seconds=0.0):
     return Live(exposures, Slow(make_decoder("dagger", "spectral").prepare(exposures.camera), seconds))
 
@@ -173,6 +187,21 @@ def test_a_bench_that_stops_in_the_middle_ends_its_loop_with_its_error_and_not_t
         assert 1 <= exposures.number <= 3
         bench.stops_after = None
         assert next(iter(loop)).values.shape == (1, *CAMERA.snapshot_shape)
+
+
+def test_a_bench_that_hangs_in_the_middle_leaves_the_recording_whole(tmp_path):
+    bench = Hanging(bench_of(CAMERA), 4 + 2)
+    late = pytest.raises(DeviceError, match=r"no answer in 0\.5 s, .*--timeout")
+    kept = Recording(tmp_path / "r.zarr", CAMERA)
+    with running(tmp_path, bench, rate=20, timeout=0.5) as exposures, late, kept:
+        list(map(kept.add, loop_of(exposures)))
+    assert [frame.notes["number"] for frame in recorded(tmp_path / "r.zarr")] == [0, 1]
+
+
+def test_a_prepared_decoder_takes_the_exposures_of_a_bench(tmp_path):
+    with running(tmp_path, recordings(tmp_path, 3)) as exposures:
+        estimates = list(make_decoder("dagger", "spectral").prepare(exposures.camera).stream(exposures))
+    assert [one.values.shape for one in estimates] == 3 * [(1, *CAMERA.scene_shape)]
 
 
 def test_a_loop_that_is_left_stops_the_bench(tmp_path):

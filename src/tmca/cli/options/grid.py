@@ -24,7 +24,7 @@ class GridOptions:
     slurm: Annotated[str | None, Parameter(group=_GRID)] = None
     "Parameters of submitit, NAME=VALUE,…, to send the cells to Slurm: timeout_min=60,slurm_partition=gpu."
     device: Annotated[str | None, Parameter(group=_GRID)] = None
-    "Where snapshots are decoded: cpu, cuda or cuda:1. Finished cells stay as they are."
+    "Where snapshots are decoded and codes searched: cpu, cuda or cuda:1. Finished cells stay as they are."
     overwrite: Annotated[bool, Parameter(group=_GRID, negative="")] = False
     "Replace results of something else; without it, the same command resumes and computes only what is missing."
     json: Annotated[bool, Parameter(group=_GRID, negative="")] = False

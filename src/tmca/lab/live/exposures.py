@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -143,6 +143,12 @@ class Exposures:
     def __exit__(self, *error: object) -> None:
         self.stopped.set()
         self.calls.__exit__(*error)
+
+    def __iter__(self) -> Iterator[Tensor]:
+        """Values (1, C, H, W') of one exposure after the other, as a prepared decoder's ``stream`` takes them; none is
+        dropped. See ``Live`` for a bench that does not wait."""
+        while (taken := self.take()) is not None:
+            yield taken.values
 
     def take(self) -> Exposure | None:
         """The next exposure; None where it is stopped, and where recorded frames are at their end.
