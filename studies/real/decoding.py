@@ -19,20 +19,25 @@ from tmca.data import atomic_path
 from tmca.decoders import Weights, decode
 from tmca.errors import SettingError, check_choice
 
-_METHODS = {"admm-tv": "admm-tv-joint", "pnp": "pnp-subspace", "network": "network"}
-"""Decoders of the report, and those of `tmca.decoders.decode`: total variation over all bands together, plug-and-play
-ADMM in the cube's own spectral subspace, a network."""
+START, ADAPT = "admm-tv-joint", 60
+"""Of the network: it starts from total variation, which needs no scenes, and learns from the snapshot, in so many steps
+at most."""
+_METHODS: dict[str, tuple[str, dict[str, Any]]] = {
+    "admm-tv": ("admm-tv-joint", {}),
+    "pnp": ("pnp-subspace", {}),
+    "network": ("network", {"start": START, "adapt": ADAPT}),
+}
+"""Decoders of the report, and those of `tmca.decoders.decode` with their settings: total variation over all bands
+together, plug-and-play ADMM in the cube's own spectral subspace, a network."""
 REAL_DECODERS = tuple(_METHODS)
 
 
-def check_real_decoders(names: Sequence[str], weights: object) -> None:
-    """Raises SettingError for no or unknown decoders, or a network without weights."""
+def check_real_decoders(names: Sequence[str]) -> None:
+    """Raises SettingError for no or unknown decoders."""
     if not names:
         raise SettingError("--decoders", "none", f"some of {', '.join(REAL_DECODERS)}")
     for name in names:
         check_choice("--decoders", name, REAL_DECODERS)
-    if "network" in names and weights is None:
-        raise SettingError("--weights", "none", "a run of `tmca train spectral --snapshot`", "or leave network out")
 
 
 def stored_estimate(
@@ -54,8 +59,9 @@ def stored_estimate(
     if (stored := _stored(file)) is not None:
         return stored
     start = time.process_time()
-    settings: dict[str, Any] = {"weights": weights} if decoder == "network" else {}
-    estimate = decode(snapshot, _METHODS[decoder], **settings).values.float()
+    method, settings = _METHODS[decoder]
+    learned: dict[str, Any] = {"weights": weights} if decoder == "network" else {}
+    estimate = decode(snapshot, method, **settings, **learned).values.float()
     seconds = time.process_time() - start
     with atomic_path(file, overwrite=True) as part:
         np.savez(part, estimate=estimate.numpy(), seconds=seconds)

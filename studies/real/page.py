@@ -94,9 +94,7 @@ def _geometry_text(found: Geometry) -> str:
 def _network_text(found: Network | None) -> str:
     if found is None:
         return ""
-    best = found["best"] or {}
-    said = f"{best['psnr']:.2f} dB on the validation scene" if "psnr" in best else "no validation"
     return (
-        f"The network: {found['kind']} from {found['start']}, {found['steps']} steps on crops of this mask in register,"
-        f" {len(found['scenes'] or [])} training scenes; {said}.\n"
+        f"The network: weights `{found['weights']}` ({found['kind']}), from the estimate of {found['start']}, adapted"
+        f" to each snapshot in {found['adapt']} steps at most; pixels that it does not learn from say when to stop.\n"
     )

@@ -76,13 +76,12 @@ class Geometry(TypedDict):
 
 
 class Network(TypedDict):
-    """How a network learned, as its card says."""
+    """Which network decodes, from which start, and its steps of adaptation at most."""
 
+    weights: str
     kind: str
     start: str
-    scenes: list[str] | None
-    best: dict[str, float] | None
-    steps: int | None
+    adapt: int
 
 
 class Results(TypedDict):

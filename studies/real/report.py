@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from studies.grid import check_new, repository_commit
 from studies.real.control import check_known, study_control
-from studies.real.decoding import check_real_decoders
+from studies.real.decoding import ADAPT, START, check_real_decoders
 from studies.real.figures import geometry_figure, scene_figure
 from studies.real.page import page
 from studies.real.records import Network, Results
@@ -46,7 +46,7 @@ def write_report(
     data: Path,
     out: Path,
     decoders: Sequence[str],
-    weights: str | Path | None,
+    weights: str | Path,
     keep: Path,
     command: Sequence[str],
     *,
@@ -60,7 +60,7 @@ def write_report(
         data: folder with ``tsa/`` and ``pixel_shutter_wine/``, or the one above.
         out: the page, without suffix.
         decoders: of ``REAL_DECODERS``.
-        weights: of the network: a run or its file.
+        weights: of the network: a run or its file, or the name of weights that come with tmca.
         keep: folder of estimates, used again by the next call.
         command: that is shown on the page.
         control: scenes that are known, imaged behind the same mask.
@@ -71,11 +71,11 @@ def write_report(
         DataError, SettingError, OutputError: captures that are missing, decoders that cannot run, results that exist.
     """
     folder, files = captures_folder(data), report_files(out)
-    check_real_decoders(decoders, weights)
+    check_real_decoders(decoders)
     check_new(files, overwrite)
     check_known(control, folder)
     make_folder(keep)
-    trained = None if weights is None else Weights.load(weights)
+    trained = Weights.find(weights) if "network" in decoders else None
     told("geometry")
     geometry, blocks = study_geometry(folder)
     scenes = [study_scene(folder, name, decoders, trained, keep, told) for name in SCENES]
@@ -84,7 +84,7 @@ def write_report(
     rows, frames, captures = study_movies(folder, told)
     results: Results = {
         "command": shlex.join(command), "commit": repository_commit(), "geometry": geometry,
-        "network": _network(trained), "rows": [row for scene in scenes for row in scene.rows],
+        "network": _network(weights, trained), "rows": [row for scene in scenes for row in scene.rows],
         "pairs": [pair for scene in scenes for pair in scene.pairs], "control": known, "movies": rows,
     }  # fmt: skip
     drawings = {scene.name: _drawn(scene) for scene in scenes}
@@ -96,13 +96,11 @@ def write_report(
     return files
 
 
-def _network(weights: Weights | None) -> Network | None:
-    """How the network learned."""
+def _network(name: str | Path, weights: Weights | None) -> Network | None:
+    """Which network it is, and how it decodes."""
     if weights is None:
         return None
-    card = weights.card
-    return {"kind": weights.network.kind, "start": weights.network.start, "scenes": card.get("scenes"),
-            "best": card.get("best"), "steps": card.get("training", {}).get("optimiser", {}).get("steps")}  # fmt: skip
+    return {"weights": str(name), "kind": weights.network.kind, "start": START, "adapt": ADAPT}
 
 
 def _drawn(scene: Scene) -> Figure:

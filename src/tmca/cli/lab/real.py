@@ -202,7 +202,7 @@ def report(
     *,
     data: Path,
     out: Path,
-    weights: Path | None = None,
+    weights: Path = Path("universal"),
     decoders: str = "admm-tv,pnp,network",
     control: list[str] | None = None,
     keep: Path = Path("real-estimates"),
@@ -213,7 +213,7 @@ def report(
     Args:
         data: folder that holds tsa/ and pixel_shutter_wine/, or the one above.
         out: page to write, without suffix.
-        weights: run of `tmca train spectral --snapshot`, for network.
+        weights: of network, which starts from admm-tv and adapts: a run, or weights that come with tmca.
         decoders: some of admm-tv, pnp, network, separated by commas.
         control: scenes that are known (files, or names of rendered ones), imaged behind the same mask, to hold the
             merit against the truth.
