@@ -193,7 +193,7 @@ def test_a_bench_that_hangs_in_the_middle_leaves_the_recording_whole(tmp_path):
     bench = Hanging(bench_of(CAMERA), 4 + 2)
     late = pytest.raises(DeviceError, match=r"no answer in 0\.5 s, .*--timeout")
     kept = Recording(tmp_path / "r.zarr", CAMERA)
-    with running(tmp_path, bench, rate=20, timeout=0.5) as exposures, late, kept:
+    with running(tmp_path, bench, rate=4, timeout=0.5) as exposures, late, kept:
         list(map(kept.add, loop_of(exposures)))
     assert [frame.notes["number"] for frame in recorded(tmp_path / "r.zarr")] == [0, 1]
 
