@@ -48,9 +48,43 @@ main(["simulate"])
 """
 
 
+REPLACED = """
+import os, signal, sys
+import tmca.cli.app
+from tmca.cli import main
+
+def command(tokens, **how):
+    try:
+        os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+        for _ in range(1000):
+            pass
+    except KeyboardInterrupt:
+        pass
+    raise TypeError("Operation not defined for data type class")  # as HDF5 says from within a conversion
+
+tmca.cli.app.app = command
+main(["simulate"])
+"""
+
+
 @pytest.mark.parametrize("arguments", [(COMMAND, "SIGTERM"), (COMMAND, "SIGINT"), (HALF_MADE,)])
 def test_a_signal_in_a_destructor_is_not_passed_over_and_what_was_half_made_says_nothing(arguments):
     """Python goes on where a destructor raises: the command would end as if nobody had asked."""
+    assert_stops(*arguments)
+
+
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_stop_that_a_compiled_library_replaces_by_an_error_of_its_own_is_a_stop(name):
+    assert_stops(REPLACED, name)
+
+
+def test_an_error_that_nobody_asked_for_is_shown_whole():
+    done = subprocess.run([sys.executable, "-c", REPLACED, "SIGWINCH"], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "Traceback" in done.stderr
+
+
+def assert_stops(*arguments):
     done = subprocess.run([sys.executable, "-c", *arguments], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (130, "tmca: stopped; finished files are whole\n")
 

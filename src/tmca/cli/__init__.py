@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from itertools import pairwise
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from tmca.errors import TmcaError, did_you_mean
@@ -22,6 +23,8 @@ _FEW_CORES = 4
 
 _MOMENT = 0.02
 """Seconds until a command that was asked to stop in a destructor is asked again."""
+
+_asked_to_stop = threading.Event()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -87,16 +90,25 @@ def _say_why(error: BaseException, tokens: list[str]) -> None:
     foreign = None if sys.flags.dev_mode else foreign_failure(error)
     if foreign is not None:
         _leave(str(foreign))
+    if _asked_to_stop.is_set() and not sys.flags.dev_mode:
+        _stopped(KeyboardInterrupt())  # a compiled library put an error of its own in the stop's place
     raise error
 
 
 def _stop_when_asked() -> None:
     """SIGTERM stops a command as Ctrl-C does; either comes again where it came in a destructor, which Python goes on
     from."""
-    for number in (signal.SIGTERM, signal.SIGALRM):
-        signal.signal(number, signal.default_int_handler)
+    _asked_to_stop.clear()
+    heard = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # else the shell runs it in the background
+    for number in (signal.SIGTERM, signal.SIGALRM, *((signal.SIGINT,) if heard else ())):
+        signal.signal(number, _ask_to_stop)
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = _stop_again
+
+
+def _ask_to_stop(number: int, frame: FrameType | None) -> None:
+    _asked_to_stop.set()
+    signal.default_int_handler(number, frame)
 
 
 def _stop_again(passed_over: sys.UnraisableHookArgs) -> None:
