@@ -68,7 +68,7 @@ def test_what_is_learned_takes_snapshots_and_decodes_them(capsys, tmp_path):
     assert "other heights, shutter, depth than" in capsys.readouterr().err
     main(["simulate", "spectral-depth", "checked.nc", *own[2:], *TAKEN, "--out", "rgb.nc"])
     assert "channels = 1, expected 3" in refused(capsys, "reconstruct", "rgb.nc", "--weights", "run")
-    assert "none come with tmca" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
+    assert "planes = 8, expected 3" in refused(capsys, "reconstruct", "taken.nc", "--weights", "default")
     said = refused(capsys, "simulate", "spectral-depth", "checked.nc", "--codes", "run", "--slots", "2")
     assert "--slots: found 2, expected 4, as these weights have" in said
 

@@ -3,6 +3,8 @@
 import pytest
 import torch
 
+import tmca
+from tmca.applications import application_of
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import rendered_scene, select_bands
 from tmca.decoders import Weights, build_network, decode, usual_for
@@ -169,8 +171,19 @@ def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_e
     for noise, usual in ((0.05, "network"), (0.1, "lmmse")):
         assert usual_for(own.replace(sensor=Sensor(read_noise=noise)))[0] == usual
     assert usual_for(own.replace(sensor=Sensor(full_well=100)))[0] == "lmmse"
-    with pytest.raises(SettingError, match="none come with tmca for a spectral-depth camera"):
-        Weights.find("default", 4, "spectral-depth")
+    with pytest.raises(SettingError, match="none come with tmca for a pinhole camera"):
+        Weights.find("default", 4, "pinhole")
+
+
+def test_the_depth_camera_that_comes_with_tmca_is_decoded_in_better_colours_at_the_likelihoods_depths():
+    camera = Weights.find("default", kind="spectral-depth").camera_for((72, 96), sensor=Sensor(read_noise=2e-3))
+    scene = application_of("spectral-depth").demo.scene("motorcycle", (72, 96))
+    taken = tmca.simulate(scene, camera, seed=0, progress=False)
+    assert usual_for(camera) == ("network", {"weights": "default"})
+    plain, trained = decode(taken, "likelihood"), decode(taken)
+    torch.testing.assert_close(trained.depth, plain.depth, rtol=1e-3, atol=1e-3)
+    truth = torch.from_numpy(scene["radiance"].values)[None]
+    assert float(psnr(trained.values, truth)) > float(psnr(plain.values, truth)) + 0.5
 
 
 @pytest.mark.slow

@@ -256,8 +256,11 @@ class _Job:
 
     def _own(self) -> list[str]:
         """That the decoder was chosen by the codes, where it was."""
-        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse has a standard deviation beside it"
-        return [said] if self.own else []
+        if not self.own:
+            return []
+        depth = self.taken.camera.kind == "spectral-depth"
+        other = "likelihood learned nothing" if depth else "lmmse has a standard deviation beside it"
+        return [f"{self.decoder}: it comes with tmca for these codes; --decoder {other}"]
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""

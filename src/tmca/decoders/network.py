@@ -42,9 +42,9 @@ class NetworkDecoder(Decoder):
     """A network trained for the camera; it brings its prior, in whose place another may be given.
 
     Args:
-        weights: a run or file of `tmca train`; or what comes with tmca: default (spectral cameras of 12 bands and a
-            light-field camera, with their codes; behind these it needs no name), or universal (spectral, any bands,
-            codes and buckets), which also predicts the standard deviation.
+        weights: a run or file of `tmca train`; or what comes with tmca: default (spectral cameras of 12 bands, a
+            light-field and a spectral-depth camera, with their codes; behind these it needs no name), or universal
+            (spectral, any bands, codes and buckets), which also predicts the standard deviation.
         adapt: steps by which it learns from the snapshot itself before it decodes it: some pixels are hidden from it,
             and it learns to predict them (spectral and light-field snapshots); 0 for none.
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.

@@ -7,7 +7,11 @@ from pathlib import Path
 import tmca
 from tmca.errors import SettingError
 
-SHIPPED = {"spectral": ("static", "multiplexed"), "light-field": ("light-field",)}
+SHIPPED = {
+    "spectral": ("static", "multiplexed"),
+    "light-field": ("light-field",),
+    "spectral-depth": ("spectral-depth",),
+}
 """Cameras with their codes that come with the package, by kind: files without suffix, those of fewer slots first."""
 DEFAULT = "default"
 """Name of the weights of a camera that comes with the package."""
