@@ -330,7 +330,8 @@ class SpectralDepthEvaluation(CameraEvaluation):
         text = "Rank correlation of each with the measured depth MAE, of PSNR with measured PSNR; 1: the right order."
         columns = [("noise", "noise", ""), ("decoder", "decoder", ""), ("codes", "codes", "d")]
         columns += [(name, heading, "+.2f") for name, heading, _ in PREDICTED]
-        yield Section("The order of the codes", [text], order(found, study.decoder_labels), columns)
+        if ranked := order(found, study.decoder_labels):
+            yield Section("The order of the codes", [text], ranked, columns)
 
     def truth(self, study: Study, cell: Measured) -> xr.Dataset:
         """See ``CameraEvaluation``; the middle that is compared."""
