@@ -52,6 +52,7 @@ REPLACED = """
 import os, signal, sys
 import tmca.cli.app
 from tmca.cli import main
+from tmca.errors import DataError
 
 def command(tokens, **how):
     try:
@@ -60,7 +61,8 @@ def command(tokens, **how):
             pass
     except KeyboardInterrupt:
         pass
-    raise TypeError("Operation not defined for data type class")  # as HDF5 says from within a conversion
+    error = {"TypeError": TypeError, "OSError": OSError, "DataError": DataError}[sys.argv[2]]
+    raise error("a.nc", "Operation not defined for data type class", "data")  # as HDF5 says from within a conversion
 
 tmca.cli.app.app = command
 main(["simulate"])
@@ -73,15 +75,61 @@ def test_a_signal_in_a_destructor_is_not_passed_over_and_what_was_half_made_says
     assert_stops(*arguments)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
-def test_a_stop_that_a_compiled_library_replaces_by_an_error_of_its_own_is_a_stop(name):
-    assert_stops(REPLACED, name)
+@pytest.mark.parametrize(
+    ("name", "error"),
+    [("SIGTERM", "TypeError"), ("SIGTERM", "OSError"), ("SIGTERM", "DataError"), ("SIGINT", "TypeError")],
+)
+def test_a_stop_that_a_compiled_library_replaces_by_an_error_of_its_own_is_a_stop(name, error):
+    assert_stops(REPLACED, name, error)
 
 
-def test_an_error_that_nobody_asked_for_is_shown_whole():
-    done = subprocess.run([sys.executable, "-c", REPLACED, "SIGWINCH"], capture_output=True, text=True)
-    assert done.returncode == 1
-    assert "Traceback" in done.stderr
+@pytest.mark.parametrize(("error", "code", "word"), [("TypeError", 1, "Traceback"), ("DataError", 2, "found")])
+def test_an_error_that_nobody_asked_for_is_shown(error, code, word):
+    done = subprocess.run([sys.executable, "-c", REPLACED, "SIGWINCH", error], capture_output=True, text=True)
+    assert done.returncode == code
+    assert word in done.stderr
+
+
+HOST = """
+import signal
+from tmca.cli import main
+
+mine = lambda number, frame: None
+for handler in (mine, signal.SIG_IGN):
+    signal.signal(signal.SIGINT, handler)
+    main([])
+    assert signal.getsignal(signal.SIGINT) is handler
+"""
+
+
+def test_a_handler_of_the_host_and_a_signal_that_is_ignored_stay():
+    subprocess.run([sys.executable, "-c", HOST], check=True, capture_output=True)
+
+
+HANDLED = """
+import os, signal, sys
+import tmca.cli.app
+from tmca.cli import main
+from tmca.cli.stopping import handled
+from tmca.errors import DataError
+
+def command(tokens, **how):
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(1000):
+            pass
+    except KeyboardInterrupt:
+        handled()
+    raise DataError("a.nc", "a full disk", "space")
+
+tmca.cli.app.app = command
+main(["simulate"])
+"""
+
+
+def test_an_error_after_a_stop_that_the_command_handled_is_said():
+    done = subprocess.run([sys.executable, "-c", HANDLED], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (2, "tmca: a.nc: found a full disk, expected space\n")
 
 
 def assert_stops(*arguments):

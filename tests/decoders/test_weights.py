@@ -175,12 +175,13 @@ def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_e
         Weights.find("default", 4, "pinhole")
 
 
-def test_the_depth_camera_that_comes_with_tmca_is_decoded_in_better_colours_at_the_likelihoods_depths():
+def test_the_network_of_the_depth_camera_corrects_colours_of_a_rendered_scene_at_the_likelihoods_depths():
     camera = Weights.find("default", kind="spectral-depth").camera_for((72, 96), sensor=Sensor(read_noise=2e-3))
     scene = application_of("spectral-depth").demo.scene("motorcycle", (72, 96))
     taken = tmca.simulate(scene, camera, seed=0, progress=False)
-    assert usual_for(camera) == ("network", {"weights": "default"})
-    plain, trained = decode(taken, "likelihood"), decode(taken)
+    assert usual_for(camera) == ("likelihood", {})
+    plain, trained = decode(taken), decode(taken, "network")
+    assert trained.notes["weights"].endswith("spectral-depth.safetensors")
     torch.testing.assert_close(trained.depth, plain.depth, rtol=1e-3, atol=1e-3)
     truth = torch.from_numpy(scene["radiance"].values)[None]
     assert float(psnr(trained.values, truth)) > float(psnr(plain.values, truth)) + 0.5

@@ -51,7 +51,7 @@ class LightFieldDemo(Demo):
         "static mask (CLFP)": ("static", {"slots": 1, "shutter": "open"}),
         "one-hot shutter, K = 8": ("onehot8", {"slots": 8, "shutter": "one-hot"}),
     }
-    learned = "K = 8, designed"
+    designed = "K = 8, designed"
     focus = (-1.0, 0.0, 1.0)
 
     def scene(self, name: str, size: tuple[int, int]) -> xr.DataArray:
@@ -67,23 +67,23 @@ class LightFieldDemo(Demo):
                 Trial(code, f"light_field_{stem}", LightFieldCamera(**same, **settings))
                 for code, (stem, settings) in self.codes.items()
             ),
-            Trial(self.learned, "light_field_learned8", camera, "network", {"weights": weights}),
+            Trial(self.designed, "light_field_designed8", camera, "network", {"weights": weights}),
         ]
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:
-        static, multiplexed, learned = (row["psnr"] for row in rows)
+        static, multiplexed, designed = (row["psnr"] for row in rows)
         return (
             f"{self.views}×{self.views} views of staged surfaces went through a coded mask before the sensor, in "
             f"colour, at equal exposure time and with read noise σ = {self.read_noise:g}: one pattern (compressive "
             "light-field photography), and eight patterns, of which every pixel sees one. The views come back in "
             "closed form under a Gaussian prior of other rendered light fields; time multiplexing changed the PSNR by "
             f"{multiplexed - static:+.2f} dB. Designed patterns and the network that learned behind them, which come "
-            f"with tmca, changed it by {learned - static:+.2f} dB.",
+            f"with tmca, changed it by {designed - static:+.2f} dB.",
         )
 
     def figures(self, name: str, scene: xr.DataArray, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
         views = {code: one.estimate.values.numpy() for code, one in taken.items()}
-        best = taken[self.learned]
+        best = taken[self.designed]
         snapshot, values = best.snapshot.values[:, 0].numpy(), best.estimate.values.numpy()
         about = (
             "Centre views, and the box in them enlarged with the epipolar slices of its marked row and column: true "

@@ -93,8 +93,9 @@ class SpectralDepthDemo(Demo):
             f"noise σ = {self.read_noise:g} of one band. Depth is the median over planes, each as probable as it "
             "explains the windows around a pixel under a Gaussian prior of other rendered scenes; the spectrum is the "
             "mean of the linear estimates at likely planes. Time multiplexing changed the mean depth error from "
-            f"{static:.2f} to {multiplexed:.2f} m. Learned masks before pixels of three colours, whose network comes "
-            f"with tmca, have {learned:.2f} m. tmca design spectral-depth searches masks for a bench and a sensor.",
+            f"{static:.2f} to {multiplexed:.2f} m. Learned masks, RGB pixels and a network that corrects the colours, "
+            f"all of which come with tmca, have {learned:.2f} m. tmca design spectral-depth searches masks for a bench "
+            "and a sensor.",
         )
 
     def figures(self, name: str, scene: xr.Dataset, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from itertools import pairwise
-from types import FrameType
 from typing import TYPE_CHECKING
 
+from tmca.cli.stopping import end, listen, stop_behind
 from tmca.errors import TmcaError, did_you_mean
 
 if TYPE_CHECKING:
@@ -20,11 +19,6 @@ if TYPE_CHECKING:
 
 _FEW_CORES = 4
 """Up to here one thread is the safe choice: two threads that wait for a busy core were measured 5 to 8 times slower."""
-
-_MOMENT = 0.02
-"""Seconds until a command that was asked to stop in a destructor is asked again."""
-
-_asked_to_stop = threading.Event()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -35,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
     warnings.showwarning = _lines_once()
     if threading.current_thread() is threading.main_thread():
-        _stop_when_asked()
+        listen()
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     if not tokens:
         print(GUIDE, end="")
@@ -48,25 +42,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
             return
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except (Exception, KeyboardInterrupt) as error:
-        stop = _stop_behind(error)
-        if stop is not None:
-            _stopped(stop)
+        if (stop := stop_behind(error)) is not None:
+            end(stop)
         _say_why(error, tokens)
-
-
-def _stop_behind(error: BaseException) -> KeyboardInterrupt | None:
-    """A stop, or one that came within a compiled function or while a class was made, which wrap it in another error."""
-    cause: BaseException | None = error
-    while cause is not None and not isinstance(cause, KeyboardInterrupt):
-        cause = cause.__cause__
-    return cause
-
-
-def _stopped(stop: KeyboardInterrupt) -> None:
-    if sys.unraisablehook is _stop_again:
-        sys.unraisablehook = lambda passed_over: None  # what was half made when the stop came has nothing to say
-    print(f"tmca: {str(stop) or 'stopped; finished files are whole'}", file=sys.stderr)
-    sys.exit(130)
 
 
 def _say_why(error: BaseException, tokens: list[str]) -> None:
@@ -90,32 +68,7 @@ def _say_why(error: BaseException, tokens: list[str]) -> None:
     foreign = None if sys.flags.dev_mode else foreign_failure(error)
     if foreign is not None:
         _leave(str(foreign))
-    if _asked_to_stop.is_set() and not sys.flags.dev_mode:
-        _stopped(KeyboardInterrupt())  # a compiled library put an error of its own in the stop's place
     raise error
-
-
-def _stop_when_asked() -> None:
-    """SIGTERM stops a command as Ctrl-C does; either comes again where it came in a destructor, which Python goes on
-    from."""
-    _asked_to_stop.clear()
-    heard = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # else the shell runs it in the background
-    for number in (signal.SIGTERM, signal.SIGALRM, *((signal.SIGINT,) if heard else ())):
-        signal.signal(number, _ask_to_stop)
-    if sys.unraisablehook is sys.__unraisablehook__:
-        sys.unraisablehook = _stop_again
-
-
-def _ask_to_stop(number: int, frame: FrameType | None) -> None:
-    _asked_to_stop.set()
-    signal.default_int_handler(number, frame)
-
-
-def _stop_again(passed_over: sys.UnraisableHookArgs) -> None:
-    if issubclass(passed_over.exc_type, KeyboardInterrupt):
-        signal.setitimer(signal.ITIMER_REAL, _MOMENT)  # not at once: this is still within the destructor
-    else:
-        sys.__unraisablehook__(passed_over)
 
 
 def _asks_for_help(tokens: list[str]) -> bool:

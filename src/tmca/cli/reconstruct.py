@@ -73,7 +73,7 @@ def reconstruct(
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture: they do without it);
-            the universal network always does, networks that come with codes never.
+            the universal network always does, networks that come with codes have none of light.
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
@@ -256,11 +256,8 @@ class _Job:
 
     def _own(self) -> list[str]:
         """That the decoder was chosen by the codes, where it was."""
-        if not self.own:
-            return []
-        depth = self.taken.camera.kind == "spectral-depth"
-        other = "likelihood learned nothing" if depth else "lmmse has a standard deviation beside it"
-        return [f"{self.decoder}: it comes with tmca for these codes; --decoder {other}"]
+        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse has a standard deviation beside it"
+        return [said] if self.own else []
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
         """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.adaptation import adapt_network
-from tmca.decoders.nets.shipped import DEFAULT, SHIPPED
+from tmca.decoders.nets.shipped import DEFAULT, SHIPPED, UNNAMED
 from tmca.decoders.nets.starts import VARIATION, VariationStart
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
@@ -71,7 +71,8 @@ class NetworkDecoder(Decoder):
     @classmethod
     def usual_settings(cls, camera: Any) -> dict[str, Any] | None:
         """See `Decoder`: the weights that come with tmca, behind their codes and where noise is not too strong."""
-        return {"weights": DEFAULT} if _comes_with_tmca(camera) and not _noisy(camera) else None
+        usual = camera.kind in UNNAMED and _comes_with_tmca(camera) and not _noisy(camera)
+        return {"weights": DEFAULT} if usual else None
 
     def find_prior(self, camera: Any, given: Any, progress: Progress | None = None) -> Any:
         if given is None:

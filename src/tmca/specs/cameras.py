@@ -72,7 +72,7 @@ class CodedSpec(CameraSpec):
     codes: Path | None = None
     "Both planes from a file of `tmca design` (codes.nc), with their period."
     weights: str | None = None
-    "Learned codes: a file or run of `tmca train`."
+    "Learned codes: a file or run of `tmca train`, or default, which comes with tmca."
     exposure: Literal["equal", "per-slot"] = "equal"
     "equal: the slots share one exposure time; per-slot: each has its own."
     transmittance: Share = 0.5
@@ -137,7 +137,8 @@ class SpectralDepthSpec(CameraSpec):
     """Masks, shutter, filters and their bench from a file of `tmca design` (codes.nc), the bands are then the preset's;
     or all of the camera from weights of `tmca train`."""
     weights: str | None = None
-    "Learned masks and optics: a file or run of `tmca train`, as with --codes."
+    """Learned masks and optics: a file or run of `tmca train`, as with --codes; or default, those that come with tmca
+    (K = 4)."""
     seed: Seed = 0
     "Of the codes and the noise."
     filters: str | None = None

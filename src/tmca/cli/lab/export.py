@@ -40,7 +40,8 @@ def export(
     checksums) and overview.png. `tmca export check OUT` reads it back.
 
     Args:
-        source: codes.nc, the folder of a run, weights, a snapshot file, or default: the codes that come with tmca.
+        source: codes.nc, the folder of a run, weights, a snapshot file, or default: the spectral codes that
+            come with tmca, K = 8.
         device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket,
             coded-exposure-two-bucket-tile, emulated-shutter, or a YAML file
             (docs/devices.md); one for each plane of the codes that is shown.

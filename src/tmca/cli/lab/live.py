@@ -16,6 +16,7 @@ from cyclopts import App, Group, Parameter
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import MaybeOn, MaybeWhole, On, Whole, pair
 from tmca.cli.options.output import Json, Overwrite, say
+from tmca.cli.stopping import handled
 from tmca.errors import SettingError, TmcaError, check_range
 from tmca.progress import progress_bar
 
@@ -182,6 +183,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
                     break
         except KeyboardInterrupt:
             interrupted = True
+            handled()
         except TmcaError as error:
             failure = error
     spent = last - begun
