@@ -17,8 +17,9 @@ from tmca.applications.pictures import save_picture
 from tmca.applications.report import Section, write_report
 from tmca.cameras import Camera, Snapshot, load_cameras
 from tmca.data import atomic_path, make_folder, write_dataset
-from tmca.decoders import Estimate, decode
+from tmca.decoders import Estimate, Weights, decode
 from tmca.errors import OutputError, TmcaError
+from tmca.sensor import Sensor
 from tmca.workers import in_processes
 
 if TYPE_CHECKING:
@@ -49,6 +50,12 @@ class Trial:
     camera: Camera
     decoder: str | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def shipped_trial(code: str, stem: str, kind: str, size: tuple[int, int], sensor: Sensor, slots: int = 8) -> Trial:
+    """A camera that comes with tmca, of (H, W) pixels, decoded by its network."""
+    weights = Weights.find("default", slots, kind)
+    return Trial(code, stem, weights.camera_for(size, sensor=sensor), "network", {"weights": weights})
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.applications.base import Application, has_deviation, noted_reading
 from tmca.applications.camera_figures import rays_figure
-from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.demo import Demo, Taken, Trial, shipped_trial
 from tmca.applications.moving import MOTION, check_axes, in_frames
 from tmca.applications.spectral import METRICS
 from tmca.cameras import LightFieldCamera
@@ -23,7 +23,6 @@ from tmca.data.in_memory import as_tensors, as_views, of_shape
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.data.light_fields import VIEW_DIMS
 from tmca.data.scene_names import READING, compare_source
-from tmca.decoders import Weights
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
 from tmca.metrics.refocusing import has_parallax
@@ -60,14 +59,12 @@ class LightFieldDemo(Demo):
     def trials(self, scene: xr.DataArray) -> list[Trial]:
         size, sensor = (scene.sizes["y"], scene.sizes["x"]), Sensor(read_noise=self.read_noise)
         same: dict[str, Any] = {"views": self.views, "size": size, "period": self.period, "sensor": sensor}
-        weights = Weights.find("default", kind="light-field")
-        camera = weights.camera_for(size, sensor=sensor)
         return [
             *(
                 Trial(code, f"light_field_{stem}", LightFieldCamera(**same, **settings))
                 for code, (stem, settings) in self.codes.items()
             ),
-            Trial(self.designed, "light_field_designed8", camera, "network", {"weights": weights}),
+            shipped_trial(self.designed, "light_field_designed8", "light-field", size, sensor),
         ]
 
     def text(self, rows: Sequence[Mapping[str, Any]]) -> Sequence[str]:

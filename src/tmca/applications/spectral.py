@@ -10,7 +10,7 @@ from torch import Tensor
 
 from tmca.applications.base import Application, has_deviation
 from tmca.applications.camera_figures import snapshot_figure
-from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.demo import Demo, Taken, Trial, shipped_trial
 from tmca.applications.moving import MOTION, check_axes, in_frames
 from tmca.cameras import SpectralCamera
 from tmca.data import Negative, read, rendered_scene, select_bands
@@ -18,7 +18,6 @@ from tmca.data.cubes import label
 from tmca.data.fitting import fit_cube
 from tmca.data.formats.opening import open_contents
 from tmca.data.in_memory import as_cube, as_tensors, bands_first, even_bands, of_shape
-from tmca.decoders import Weights
 from tmca.errors import DataError
 from tmca.metrics import all_metrics
 from tmca.plots.cube import reconstruction_figure
@@ -67,8 +66,7 @@ class SpectralDemo(Demo):
         sensor, size = Sensor(read_noise=self.read_noise), (scene.sizes["y"], scene.sizes["x"])
         name = f"{scene.attrs['name']}_{stem}"
         if "learned" in stem:
-            weights = Weights.find("default", settings["slots"])
-            return Trial(code, name, weights.camera_for(size, sensor=sensor), "network", {"weights": weights})
+            return shipped_trial(code, name, "spectral", size, sensor, settings["slots"])
         bands = scene["wavelength"].values.tolist()
         camera = SpectralCamera(bands=bands, size=size, sensor=sensor, period=self.period, **settings)
         return Trial(code, name, camera, "lmmse", {"uncertainty": True})

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from tmca.applications.base import Application, noted_reading
 from tmca.applications.camera_figures import psf_figure
-from tmca.applications.demo import Demo, Taken, Trial
+from tmca.applications.demo import Demo, Taken, Trial, shipped_trial
 from tmca.applications.spectral import METRICS
 from tmca.attributes import REMEDY, Attributes, attributes_of
 from tmca.cameras import SpectralDepthCamera
@@ -25,7 +25,6 @@ from tmca.data.fitting import FITTED, METRES, fit_depth_scene, middle_of, said_m
 from tmca.data.in_memory import as_depth_scene, as_tensors
 from tmca.data.point_cloud import FOCAL, FOCAL_OF
 from tmca.data.scene_names import READING, compare_source
-from tmca.decoders import Weights
 from tmca.errors import DataError
 from tmca.metrics import all_metrics, certainty, depth_mae, depth_rmse, within_bin
 from tmca.optics import DepthPlanes, check_mask
@@ -71,14 +70,13 @@ class SpectralDepthDemo(Demo):
 
     def trials(self, scene: xr.Dataset) -> list[Trial]:
         size, how = (scene.sizes["y"], scene.sizes["x"]), {"window": self.window}
-        weights = Weights.find("default", kind="spectral-depth")
-        camera = weights.camera_for(size, sensor=Sensor(read_noise=self.read_noise))
+        sensor = Sensor(read_noise=self.read_noise)
         return [
             *(
                 Trial(code, f"spectral_depth_{stem}", self._camera(size, settings), settings=how)
                 for code, (stem, settings) in self.codes.items()
             ),
-            Trial(self.learned, "spectral_depth_learned4", camera, "network", {"weights": weights}),
+            shipped_trial(self.learned, "spectral_depth_learned4", "spectral-depth", size, sensor),
         ]
 
     def _camera(self, size: tuple[int, int], settings: dict[str, Any]) -> SpectralDepthCamera:

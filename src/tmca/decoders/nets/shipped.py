@@ -14,8 +14,8 @@ SHIPPED = {
 }
 """Cameras with their codes that come with the package, by kind: files without suffix, those of fewer slots first."""
 UNNAMED = frozenset({"spectral", "light-field"})
-"""Kinds of cameras whose network that comes with the package decodes behind its codes where no decoder is named: it is
-better on every scene of its card."""
+"""Kinds of cameras whose network that comes with the package decodes behind its codes where no decoder is named; that
+of the spectral-depth camera gains nothing on measured cubes."""
 DEFAULT = "default"
 """Name of the weights of a camera that comes with the package."""
 UNIVERSAL = "universal"
