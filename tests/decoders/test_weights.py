@@ -1,5 +1,7 @@
 """Trained networks as files: the same decoder comes back, and cameras that they were not trained for are named."""
 
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -185,6 +187,13 @@ def test_the_network_of_the_depth_camera_corrects_colours_of_a_rendered_scene_at
     torch.testing.assert_close(trained.depth, plain.depth, rtol=1e-3, atol=1e-3)
     truth = torch.from_numpy(scene["radiance"].values)[None]
     assert float(psnr(trained.values, truth)) > float(psnr(plain.values, truth)) + 0.5
+
+
+@pytest.mark.parametrize(("kind", "slots"), [("spectral", 8), ("light-field", 8), ("spectral-depth", 4)])
+def test_cameras_that_come_with_tmca_are_named_by_their_kind(kind, slots):
+    found = Weights.find(f"default-{kind}")
+    assert (found.kind, found.camera.slots, found.path) == (kind, slots, Weights.file("default", slots, kind))
+    assert Weights.file("default-of-mine") == Path("default-of-mine")
 
 
 @pytest.mark.slow

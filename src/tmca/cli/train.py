@@ -47,7 +47,8 @@ def fine_tune(
     the decoder as it was. Writes into --out what a run writes, and before_after.png of a capture that was held out.
 
     Args:
-        from_: the run: its folder, its weights file, or default (spectral, K = 8).
+        from_: the run: its folder, its weights file, or a camera that comes with tmca: default (spectral, K = 8),
+            default-light-field, default-spectral-depth.
         captures: folder of snapshot files NAME.nc, each with its true scene NAME_truth.nc (or .mat, a folder, …).
         out: folder of the run.
         calibration: of the camera, by `tmca calibrate`: a file, or its name without the date for the newest; the run's

@@ -130,8 +130,8 @@ def prepared(
     """Read and check everything that a run of fine-tuning needs, before anything is written.
 
     Args:
-        weights: the run to go on from: its folder or weights file, or ``"default"``
-            (spectral, K = 8).
+        weights: the run to go on from: its folder or weights file, or a camera that comes with tmca: ``"default"``
+            (spectral, K = 8), ``"default-light-field"``, ``"default-spectral-depth"``.
         captures: folder of them, see ``find_pairs``.
         calibration: of the camera; None for the run's own operator.
         validation: captures that are held out, see ``held_out``.

@@ -9,7 +9,7 @@ from PIL import Image
 
 from tmca.cameras import LightFieldCamera, Snapshot, SpectralCamera, SpectralDepthCamera
 from tmca.codes import write_codes
-from tmca.decoders import find_weights
+from tmca.decoders import Weights, find_weights
 from tmca.errors import DataError, OutputError, SettingError, ShapeError
 from tmca.lab.acquisition.session import check_camera
 from tmca.lab.display.codes import peak, read_planes
@@ -73,6 +73,22 @@ def test_masks_of_a_light_field_camera_come_back(tmp_path):
     camera = LightFieldCamera(views=3, size=(9, 11), slots=2)
     found = read_export(export(tmp_path, camera, "dli4120").folder)
     assert torch.equal(found.planes["aperture"], camera.codes()[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "devices"), [("default-light-field", ["dli4120"]), ("default-spectral-depth", ["dmp40", "coded-exposure"])]
+)
+def test_codes_that_come_with_tmca_are_exported(tmp_path, name, devices):
+    written = export_codes(
+        read_planes(name), [device_named(device) for device in devices], tmp_path / "out", sensor_size=(98, 131)
+    )
+    slots = Weights.find(name).camera.slots
+    assert [len(plane["frames"]) for plane in written.manifest["planes"]] == [slots] * len(devices)
+    assert [plane["device"]["name"] for plane in written.manifest["planes"]] == devices
+    shown = read_export(written.folder).planes
+    if "shutter" in shown:  # its tile fills the sensor, at the phase of the camera of any size
+        whole = Weights.find(name).camera_for((98, 131)).codes()[1]
+        assert torch.equal(shown["shutter"], whole.detach())
 
 
 def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):

@@ -40,8 +40,8 @@ def export(
     checksums) and overview.png. `tmca export check OUT` reads it back.
 
     Args:
-        source: codes.nc, the folder of a run, weights, a snapshot file, or default: the spectral codes that
-            come with tmca, K = 8.
+        source: codes.nc, the folder of a run, weights, a snapshot file, or codes that come with tmca: default
+            (spectral, K = 8), default-light-field, default-spectral-depth.
         device: dli4120, pluto-2.1, dmp40, coded-exposure, coded-exposure-two-bucket,
             coded-exposure-two-bucket-tile, emulated-shutter, or a YAML file
             (docs/devices.md); one for each plane of the codes that is shown.

@@ -22,7 +22,7 @@ from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_
 from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
-from tmca.decoders.nets.shipped import DEFAULT, FOLDER, UNIVERSAL, shipped_file
+from tmca.decoders.nets.shipped import DEFAULT, FOLDER, OF_KIND, UNIVERSAL, shipped_file
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.decoders.nets.weights_0_1 import of_version_0_1
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
@@ -289,8 +289,8 @@ class Weights:
     @classmethod
     def find(cls, name: str | Path, slots: int = 8, kind: str = "spectral") -> Weights:
         """Weights by their file or the folder of their run, or those that come with the package: ``"default"`` for a
-        kind of camera of as many slots, ``"universal"`` for any spectral one; ``weights/README.md`` beside them says
-        what they are.
+        kind of camera of as many slots, ``"default-light-field"`` and the like for that kind, ``"universal"`` for any
+        spectral one; ``weights/README.md`` beside them says what they are.
 
         Raises:
             DataError: no such file, or no weights of a camera in it.
@@ -303,7 +303,8 @@ class Weights:
         """The file or run that ``find`` reads; SettingError as there."""
         if str(name) == UNIVERSAL:
             return FOLDER / f"{UNIVERSAL}.safetensors"
-        return shipped_file(slots, kind) if str(name) == DEFAULT else Path(name)
+        named = OF_KIND.get(str(name), kind if str(name) == DEFAULT else None)
+        return Path(name) if named is None else shipped_file(slots, named)
 
 
 def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:

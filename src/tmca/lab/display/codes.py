@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +21,6 @@ from tmca.cameras.phase_codes import read_phase_codes
 from tmca.codes import CodePlane, read_codes
 from tmca.codes.buckets import bucket_shutters, check_once, check_patterns
 from tmca.decoders import Weights
-from tmca.decoders.nets.shipped import shipped_file
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.lab.display.devices import DeviceDescription
 from tmca.optics import family_parameters
@@ -118,7 +117,8 @@ def by_slot(shutter: Tensor, slots: int, buckets: int) -> Tensor:
 
 def read_planes(source: str | Path, size: Size | None = None) -> Planes:
     """Codes of a file of `tmca design` or the folder that it wrote, a run or weights of `tmca train`, or a snapshot;
-    ``"default"`` are those of eight slots that come with the package.
+    those that come with the package are ``"default"`` (spectral, K = 8), ``"default-light-field"`` and
+    ``"default-spectral-depth"``.
 
     Args:
         source: of the codes.
@@ -127,7 +127,7 @@ def read_planes(source: str | Path, size: Size | None = None) -> Planes:
     Raises:
         DataError: none of these.
     """
-    path = shipped_file(8) if str(source) == "default" else Path(source)
+    path = Weights.file(source)
     if (path / "codes.nc").is_file() and not any(path.rglob("*.safetensors")):
         path = path / "codes.nc"
     if path.is_dir() or path.suffix == ".safetensors":
@@ -140,11 +140,13 @@ def read_planes(source: str | Path, size: Size | None = None) -> Planes:
 def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
     planes, camera = weights.codes, weights.camera
+    tiled = tuple(name for name in planes if weights.period and name != "heights")
     if "heights" in planes:
-        return planes_of(camera, str(path))
+        masks = planes_of(camera, str(path))
+        shutter = by_slot(planes["shutter"], camera.slots, camera.buckets) if tiled else masks.planes["shutter"]
+        return replace(masks, planes={**masks.planes, "shutter": shutter}, tiled=tiled)
     about = {"size": weights.size, "exposure": camera.exposure, SENSOR: camera.snapshot_shape[1:]}
     planes = {**planes, "shutter": by_slot(planes["shutter"], camera.slots, camera.buckets)}
-    tiled = tuple(planes) if weights.period else ()
     return Planes(str(path), weights.kind, planes, tiled, None, about, camera.buckets)
 
 
