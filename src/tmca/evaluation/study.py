@@ -112,16 +112,7 @@ class Study(Summary, BaseModel):
         """Names point to what is there."""
         application_of(self.camera)
         for name, code in self.codes.items():
-            self._dead_time(name, code)
-            if code.file is not None and not Path(code.file).is_file():
-                raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
-            self._check_weights(name, code)
-            if code.search and code.search.noise is not None:
-                check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
-            if code.learn and code.learn.start is not None:
-                check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
-            for network in code.learn.networks if code.learn else ():
-                check_choice(f"codes.{name}.learn.networks", network, self.networks)
+            self._check_code(name, code)
         paired = [name for pair in self.decoder_pairs for name in pair]
         paired += [name for row in (self.published.rows if self.published else {}).values() for name in row.decoders]
         for decoder in paired:
@@ -134,6 +125,19 @@ class Study(Summary, BaseModel):
                 raise SettingError(where, error.found, error.expected, error.remedy) from None
         object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
+
+    def _check_code(self, name: str, code: Code) -> None:
+        """Raises SettingError for codes that the study cannot have."""
+        self._dead_time(name, code)
+        if code.file is not None and not Path(code.file).is_file():
+            raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
+        self._check_weights(name, code)
+        if code.search and code.search.noise is not None:
+            check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
+        if code.learn and code.learn.start is not None:
+            check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
+        for network in code.learn.networks if code.learn else ():
+            check_choice(f"codes.{name}.learn.networks", network, self.networks)
 
     def _check_weights(self, name: str, code: Code) -> None:
         """Raises SettingError for codes of weights that cannot be read, or are another camera's."""
