@@ -107,9 +107,7 @@ def own_study(
     described: Settings = {
         **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
         "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
-        "reading": read,
-        "codes": _codes(kind, codes), "noises": noises, "seeds": seeds, "patches": 0,
-        "decoders": used,
+        "reading": read, "codes": _codes(kind, codes), "noises": noises, "decoders": used, "seeds": seeds, "patches": 0,
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
     }  # fmt: skip
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
