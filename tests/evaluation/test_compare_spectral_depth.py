@@ -14,7 +14,8 @@ from tmca.data.depth_scenes import withheld_scene
 from tmca.evaluation.expected import order
 from tmca.evaluation.gains import margins
 from tmca.evaluation.page import markdown, sections
-from tmca.evaluation.run import Plan, run_study
+from tmca.evaluation.plan import Plan
+from tmca.evaluation.run import run_study
 from tmca.evaluation.study import checked_study, read_study, training_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::tmca.optics.StrayLight")  # masks of two steps are rough

@@ -10,7 +10,8 @@ from tmca.data.light_field_scenes import load_light_field
 from tmca.decoders import Weights, build_network, decoders_for
 from tmca.decoders.nets.build import build_depth_network
 from tmca.errors import SettingError
-from tmca.evaluation.run import Plan, run_study
+from tmca.evaluation.plan import Plan
+from tmca.evaluation.run import run_study
 from tmca.evaluation.study import checked_study, read_study
 from tmca.evaluation.sweep import Sweep, run_sweep
 from tmca.priors import PatchDictionary

@@ -22,7 +22,7 @@ from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.gains import over
 from tmca.evaluation.own import _code_names, own_study
 from tmca.evaluation.own_sensors import read_sensors
-from tmca.evaluation.run import Plan
+from tmca.evaluation.plan import Plan
 from tmca.evaluation.study import read_study
 from tmca.evaluation.tables import latex_table, made_by
 from tmca.lab.decoder_files import decoders_named

@@ -4,7 +4,8 @@ import pytest
 
 from tmca.evaluation.camera import Lists
 from tmca.evaluation.grid import CellsFailed, Grid
-from tmca.evaluation.run import Plan, _measured
+from tmca.evaluation.plan import Plan
+from tmca.evaluation.run import _measured
 from tmca.evaluation.study import checked_study
 
 TWO, NET = {"slots": 2}, {"kind": "unet"}

@@ -94,13 +94,8 @@ def read(
     if bands is None and scaled == "integer type" and (hint := few_counts(stored.dtype, float(pixels.max()))):
         warn(f"{path}: {hint}", SceneWarning, stacklevel=2)
     pixels /= np.float32(by)
-    about = {
-        "source": str(path),
-        "variable": stored.name,
-        "scale": by,
-        "scale_from": scaled,
-        "wavelengths_from": origin,
-    }
+    about = {"source": str(path), "variable": stored.name, "scale": by, "scale_from": scaled}
+    about["wavelengths_from"] = origin
     return label(pixels, metres[chosen], about, coords)
 
 
@@ -166,15 +161,25 @@ def locate_cube(
     if axis is None:
         there = f"{stored.name} of shape {stored.shape}, in which no axis stands out as the spectral one"
         raise DataError(path, there, "one axis as long as the wavelengths", "pass wavelengths= (--wavelengths)")
-    bands, known = stored.shape[axis], find_known(stored.name, stored.shape[axis])
-    if wavelengths is not None:
-        return Located(stored, axis, from_argument(wavelengths, bands, path), "argument")
+    return Located(stored, axis, *_wavelengths(stored, stored.shape[axis], path, wavelengths, sidecar))
+
+
+def _wavelengths(
+    stored: Stored,
+    bands: int,
+    path: Path,
+    given: NDArray[np.float64] | None,
+    sidecar: NDArray[np.float64] | None,
+) -> tuple[NDArray[np.float64], str]:
+    """Those of the bands of a cube, metres, and where they come from."""
+    if given is not None:
+        return from_argument(given, bands, path), "argument"
     if sidecar is not None:
-        return Located(stored, axis, check(sidecar, bands, path, "the sidecar file"), "sidecar")
+        return check(sidecar, bands, path, "the sidecar file"), "sidecar"
     if stored.wavelengths is not None:
-        return Located(stored, axis, check(stored.wavelengths, bands, path, "the file"), "file")
-    if known is not None:
-        return Located(stored, axis, nm_to_metres(known.nm), known.label)
+        return check(stored.wavelengths, bands, path, "the file"), "file"
+    if (known := find_known(stored.name, bands)) is not None:
+        return nm_to_metres(known.nm), known.label
     remedy = f"pass wavelengths= (--wavelengths in nm), or list them in nm in {sidecar_paths(path)[0].name}"
     raise DataError(path, f"{bands} bands without wavelengths", f"{bands} wavelengths", remedy)
 

@@ -74,19 +74,10 @@ def load_spectral_depth(
         rendered = rendered_scene(source, wavelengths=wavelengths, seed=seed)
         scene = reduced_scene(rendered[["radiance", "depth"]], by, source)
     elif placed is not None:
-        if _kind_and_side(source)[0] != "cube":
-            _refuse(source, "a scene with depth of its own", placed=placed)
-        if near is None or far is None:
-            raise SettingError("near", "no depth range", "near and far, metres, between which the cube is placed")
-        cube = read(source) if wavelengths is None else at_bands(read(source), wavelengths)
-        scene = reduced_scene(place_cube(cube, near, far, seed, placed), by, source)  # type: ignore[arg-type]
+        scene = reduced_scene(_placed(source, placed, wavelengths, near, far, seed), by, source)
     else:
         made_up = {"wavelengths": wavelengths, "seed": seed, "materials": materials} if from_rgb else {}
-        try:
-            scene = read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **made_up)  # type: ignore[arg-type]
-        except DataError:
-            check_depth_scene(source, placed, from_rgb)
-            raise
+        scene = _measured(source, from_rgb, reduce, made_up)
     if wavelengths is not None:
         scene = scene.drop_dims("wavelength").assign(radiance=at_bands(scene["radiance"], wavelengths))
     if placed is None and fitted and ranged:
@@ -95,6 +86,27 @@ def load_spectral_depth(
     scene = scene if size is None else middle_of(scene, size, source)
     scene = scene if fitted else scene.assign_attrs({METRES: 1})
     return scene.assign_attrs({"name": Path(source).stem, READING: json.dumps(how)})
+
+
+def _placed(
+    source: str, kind: str, wavelengths: Floats | None, near: float | None, far: float | None, seed: int
+) -> xr.Dataset:
+    """A cube at drawn depths."""
+    if _kind_and_side(source)[0] != "cube":
+        _refuse(source, "a scene with depth of its own", placed=kind)
+    if near is None or far is None:
+        raise SettingError("near", "no depth range", "near and far, metres, between which the cube is placed")
+    cube = read(source) if wavelengths is None else at_bands(read(source), wavelengths)
+    return place_cube(cube, near, far, seed, kind)  # type: ignore[arg-type]
+
+
+def _measured(source: str, from_rgb: bool, reduce: int, made_up: dict[str, Any]) -> xr.Dataset:
+    """A scene with a depth of its own; what else it is, where it cannot be read."""
+    try:
+        return read_spectral_depth(source, from_rgb=from_rgb, reduce=reduce, **made_up)
+    except DataError:
+        check_depth_scene(source, None, from_rgb)
+        raise
 
 
 def _refuse(source: str, found: str, **asked: Any) -> None:

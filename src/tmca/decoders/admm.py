@@ -159,6 +159,12 @@ class _Split:
         """Kᵀ w."""
         return torch.cat([self._adjoint_of_copies(part) for part in self.parts], 1)
 
+    def measured_step(self, rho: float, floor: float) -> tuple[float, float]:
+        """`step`, and the residuals that it leaves."""
+        before = self.adjoint_of_copies()
+        self.step(rho)
+        return self.residuals(before, rho, floor)
+
     def residuals(self, before: Tensor, rho: float, floor: float) -> tuple[float, float]:
         """Relative primal and dual residuals, ``before`` being `adjoint_of_copies` one iteration ago."""
         lengths = []
@@ -168,6 +174,13 @@ class _Split:
             lengths.append((distance(images, copies), norm(images), norm(copies), change, distance(points, copies)))
         gap, image, copy, change, dual = (math.hypot(*parts) for parts in zip(*lengths, strict=True))
         return gap / max(image, copy, 1e-30), rho * change / max(rho * dual, floor, 1e-30)
+
+    def balanced(self, rho: float, primal: float, dual: float) -> float:
+        """A penalty that evens out the residuals, and the multipliers with it."""
+        factor = _balance(primal, dual)
+        if factor != 1:
+            self.rescale(factor)
+        return rho * factor
 
     def rescale(self, factor: float) -> None:
         """Multipliers over a factor, of a penalty that grows by it: the copies stay."""
@@ -222,15 +235,9 @@ def admm_tv(
     Raises:
         ShapeError, SettingError: a snapshot or initial estimate that does not fit, or a number out of range.
     """
-    check_range("weight", weight, 0)
-    check_iteration(max_iterations, tolerance)
-    if rho is not None:
-        check_range("rho", rho, above=0)
-    if bounds is not None and not bounds[0] < bounds[1]:
-        raise SettingError("bounds", f"{bounds}", "lower < upper")
+    _check_settings(weight, max_iterations, tolerance, rho, bounds)
     data = DataStep(operator, snapshot)
-    if rho is None:  # its first threshold is a typical edge; without a weight, a share of the operator's energy
-        rho = weight / _EDGE if weight > 0 else 1e-2 * energy(operator, snapshot) or 1.0
+    rho = _first_penalty(operator, snapshot, weight) if rho is None else rho
     split = _Split(data, data.start(initial, rho), weight, joint, bounds or (-math.inf, math.inf))
     floor = tolerance * norm([operator.A_adjoint(snapshot)])
     history: list[tuple[int, float, float, float]] = []
@@ -239,9 +246,7 @@ def admm_tv(
         if iteration % _CHECK_EVERY and iteration < max_iterations:
             split.step(rho)
             continue
-        before = split.adjoint_of_copies()
-        split.step(rho)
-        primal, dual = split.residuals(before, rho, floor)
+        primal, dual = split.measured_step(rho, floor)
         history.append((iteration, split.objective(), primal, dual))
         if progress is not None:
             progress(iteration, primal, dual)
@@ -249,12 +254,25 @@ def admm_tv(
         if converged:
             break
         if 2 * iteration <= max_iterations:
-            factor = _balance(primal, dual)
-            rho *= factor
-            if factor != 1:
-                split.rescale(factor)
+            rho = split.balanced(rho, primal, dual)
     checked, objective, primals, duals = zip(*history, strict=True)
     return Result(split.estimate(), checked, objective, primals, duals, history[-1][0], converged)
+
+
+def _check_settings(
+    weight: float, max_iterations: int, tolerance: float, rho: float | None, bounds: Bounds | None
+) -> None:
+    check_range("weight", weight, 0)
+    check_iteration(max_iterations, tolerance)
+    if rho is not None:
+        check_range("rho", rho, above=0)
+    if bounds is not None and not bounds[0] < bounds[1]:
+        raise SettingError("bounds", f"{bounds}", "lower < upper")
+
+
+def _first_penalty(operator: LinearOperator, snapshot: Tensor, weight: float) -> float:
+    """Its first threshold is a typical edge; without a weight, a share of the operator's energy."""
+    return weight / _EDGE if weight > 0 else 1e-2 * energy(operator, snapshot) or 1.0
 
 
 def least_variation(

@@ -232,10 +232,7 @@ class Prepared:
         if not isinstance(snapshot, Tensor):
             self._check_camera(snapshot.camera)
         self._check_unchanged()
-        check_shape("snapshot", values, ("B", *self.camera.snapshot_shape))
-        if not bool(torch.isfinite(values).all()):
-            remedy = "mask or replace the bad pixels first"
-            raise DataError("snapshot", "NaN or infinite values", "finite values", remedy)
+        self._check_values(values)
         start = time.perf_counter()
         with torch.no_grad(), self.decoder._failures(), enough_memory(values.device):
             raw = self.decoder.reconstruct(self.state, values, progress)
@@ -266,6 +263,13 @@ class Prepared:
         if self.unchanged is not None and not self.unchanged(self.camera):
             found = f"a {self.camera.kind} camera whose codes or sensor changed after prepare"
             raise SettingError("camera", found, "the one prepared for", "call prepare again")
+
+    def _check_values(self, values: Tensor) -> None:
+        """Raises ShapeError or DataError for values that are no snapshot of the camera, or not finite."""
+        check_shape("snapshot", values, ("B", *self.camera.snapshot_shape))
+        if not bool(torch.isfinite(values).all()):
+            remedy = "mask or replace the bad pixels first"
+            raise DataError("snapshot", "NaN or infinite values", "finite values", remedy)
 
     def _check_camera(self, camera: Any) -> None:
         """Raises SettingError unless a camera has the codes and the optics of the one that is prepared for."""

@@ -82,13 +82,19 @@ class Estimate(Summary):
             ("depth_deviation", self.depth_deviation, "m", apart),
             ("confidence", self.confidence, "1", sure),
         )
-        for name, plane, unit, meaning in maps_of:
-            if plane is not None:
-                maps, about = plane[:, 0].numpy(force=True), {"long_name": meaning, "units": unit}
-                several = len(maps) > 1
-                dims = ("snapshot", "y", "x") if several else ("y", "x")
-                parts[name] = xr.DataArray(maps if several else maps[0], dims=dims, attrs=about)
+        for name, planes, unit, meaning in maps_of:
+            if planes is not None:
+                parts[name] = self._map(planes, unit, meaning)
         return xr.Dataset(parts, attrs=attrs)
+
+    @staticmethod
+    def _map(planes: Tensor, unit: str, meaning: str) -> xr.DataArray:
+        """Planes (B, 1, H, W), labelled."""
+        import xarray as xr
+
+        maps, several = planes[:, 0].numpy(force=True), len(planes) > 1
+        dims = ("snapshot", "y", "x") if several else ("y", "x")
+        return xr.DataArray(maps if several else maps[0], dims=dims, attrs={"long_name": meaning, "units": unit})
 
     def _label(self, values: Tensor, meaning: str) -> xr.DataArray:
         """Values (B, *scene_shape), or (B, K, *scene_shape), as the camera labels them."""

@@ -116,7 +116,6 @@ def hold_throughput(camera: CodedCamera, target: float) -> None:
         return
     latents = [plane.latent.clone() for plane in planes]
     reach = max(float(latent.abs().max()) for latent in latents) * 1.01 + 1e-3
-    low, high, best = -reach, reach, (float("inf"), 0.0)
     shares: dict[Hashable, float] = {}  # by the numbers of open pixels: a larger shift only opens more of them
 
     def show(shift: float) -> None:
@@ -131,9 +130,15 @@ def hold_throughput(camera: CodedCamera, target: float) -> None:
             shares[shown] = camera.throughput()
         return shares[shown]
 
+    show(_nearest(share_of, target, reach))
+
+
+def _nearest(share_of: Callable[[float], float], target: float, reach: float) -> float:
+    """The shift within ``reach`` whose share, which grows with it, is nearest to the target."""
+    low, high, best = -reach, reach, (float("inf"), 0.0)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
         share = share_of(middle)
         best = min(best, (abs(share - target), middle))
         low, high = (middle, high) if share < target else (low, middle)
-    show(best[1])
+    return best[1]

@@ -129,10 +129,7 @@ def descend(
     optimiser = torch.optim.Adam(latents, lr=how.rate)
     shifts = torch.randint(1 << 16, (how.steps, 2), generator=torch.Generator().manual_seed(how.seed)).tolist()
     for step, shift in enumerate(shifts, 1):
-        camera.codes.anneal(how.slope[0] * (how.slope[1] / how.slope[0]) ** ((step - 1) / how.steps))
-        camera.codes.relax(how.relaxed)
-        value = error(camera.taps().code, tuple(shift))
-        camera.codes.relax(False)
+        value = _relaxed_error(camera, error, how, (step - 1) / how.steps, (shift[0], shift[1]))
         optimiser.zero_grad()
         value.log().backward()
         optimiser.step()
@@ -146,6 +143,15 @@ def descend(
         if progress:
             progress(step / how.steps)
     return best.restore()
+
+
+def _relaxed_error(camera: CodedCamera, error: TileMse, how: Descent, share: float, shift: tuple[int, int]) -> Tensor:
+    """Error of the codes as they are shown once this share of the steps is done."""
+    camera.codes.anneal(how.slope[0] * (how.slope[1] / how.slope[0]) ** share)
+    camera.codes.relax(how.relaxed)
+    value = error(camera.taps().code, shift)
+    camera.codes.relax(False)
+    return value
 
 
 @dataclass(frozen=True)

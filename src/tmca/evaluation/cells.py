@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from tmca.applications import simulate
 from tmca.applications.moving import FRAMES, frame_pairs, frames_of, mean_of
 from tmca.cameras import CAMERAS, Hardware, in_finer_time
-from tmca.decoders import OtherCodes, decode, decoders
+from tmca.decoders import Estimate, OtherCodes, decode, decoders
 from tmca.devices import computing_on
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Measured, Settings, cell_key
@@ -188,22 +188,27 @@ class Measurement(Cell):
         if self.motion:
             seen = frames_of(scene, self._displacement(), camera.slots, whole=self.motion["whole"])
         snapshot = simulate(seen, camera, seed=self.seed, hardware=Hardware.of(self.faults))
-        given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
-        with catch_warnings():
-            simplefilter("ignore", OtherCodes)  # rows name both codes and network
-            estimate = decode(snapshot, "network" if self.weights else self.decoder, prior=self.prior, **given)
+        estimate = self._decoded(snapshot)
         shown, truth = evaluation.middle(self, estimate, scene)
         results = {
             "seconds": estimate.seconds,
             "throughput": camera.throughput(),
             **self._measured(evaluation, shown, truth),
         }
-        if self.save:
-            from tmca.data import write_dataset
+        return {**results, "estimate": str(self._saved(shown, folder))} if self.save else results
 
-            middle = shown.isel({FRAMES: shown.sizes[FRAMES] // 2}) if FRAMES in shown.dims else shown
-            results["estimate"] = str(write_dataset(middle, folder / f"estimate-{self.key}.nc", overwrite=True))
-        return results
+    def _decoded(self, snapshot: Any) -> Estimate:
+        given: Settings = {**self.options, **({"weights": self.weights} if self.weights else {})}
+        with catch_warnings():
+            simplefilter("ignore", OtherCodes)  # rows name both codes and network
+            return decode(snapshot, "network" if self.weights else self.decoder, prior=self.prior, **given)
+
+    def _saved(self, shown: Any, folder: Path) -> Path:
+        """The file of an estimate; of one in frames the middle one."""
+        from tmca.data import write_dataset
+
+        middle = shown.isel({FRAMES: shown.sizes[FRAMES] // 2}) if FRAMES in shown.dims else shown
+        return write_dataset(middle, folder / f"estimate-{self.key}.nc", overwrite=True)
 
     def _displacement(self) -> tuple[float, float]:
         """Rows and columns within the exposure, pixels: in a direction drawn from seed and scene, or the bench's."""

@@ -103,25 +103,25 @@ def own_study(
     names = short_names(sources)
     more = _checked_reading(kind, reading or {})
     read = {**_reading(kind, sources, crop, bands, range, more), **more}
-    used = [*names_of(map(_text, _several(decoders))).values()] or [_default(kind, read)]
-    if kind == "spectral" and _invisible(read):
-        _check_without_rendered(used, codes)
+    used = _used(kind, decoders, codes, read)
     described: Settings = {
         **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
         "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
-        "reading": read,
-        "codes": _codes(kind, codes), "noises": noises, "seeds": seeds, "patches": 0,
-        "decoders": used,
+        "reading": read, "codes": _codes(kind, codes), "noises": noises, "decoders": used, "seeds": seeds, "patches": 0,
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
     }  # fmt: skip
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
     if kind == "spectral-depth":
         described["reading"]["preset"] = _seen_alike(described["codes"])
-    study = checked_study(described, "study")
+    return _with_doubts(checked_study(described, "study"), sensor)
+
+
+def _with_doubts(study: Study, sensor: Any) -> Study:
+    """The study, whose page says which codes need two buckets of a sensor with one; so do warnings."""
     two = [name for name, code in study.codes.items() if code.buckets > 1 and not code.burst]
     said = one_bucket_alone(sensor, two)
     for text in said:
-        warn(text, SensorWarning, stacklevel=2)
+        warn(text, SensorWarning, stacklevel=3)
     return study.with_(about=said) if said else study
 
 
@@ -213,6 +213,14 @@ def _reading(
     if kind == "spectral-depth":
         return {"side": max(256, min(crop)) if crop else 256, **({} if crop is None else {"crop": crop})}
     return {} if crop is None else {"size": crop}
+
+
+def _used(kind: str, decoders: Any, codes: Sequence[str], reading: Mapping[str, Any]) -> list[str]:
+    """Names of decoders; the usual one without any."""
+    used = [*names_of(map(_text, _several(decoders))).values()] or [_default(kind, reading)]
+    if kind == "spectral" and _invisible(reading):
+        _check_without_rendered(used, codes)
+    return used
 
 
 def _default(kind: str, reading: Mapping[str, Any]) -> str:

@@ -128,11 +128,7 @@ def markdown(found: Row) -> str:
         *(line for text in said_about(found, study) for line in (text, "")),
     ]  # fmt: skip
     for section in sections(found, study):
-        lines += [
-            f"## {section.title}",
-            "",
-            *(line for text in section.text for line in (filled(text, words), "")),
-        ]
+        lines += [f"## {section.title}", "", *(line for text in section.text for line in (filled(text, words), ""))]
         lines += [markdown_table(section.table, section.columns)]
     if found["pictures"]:
         lines += ["## Pictures", "", f"Some rows, {study.shown_noise}, first seed.", ""]

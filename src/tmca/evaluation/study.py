@@ -15,7 +15,7 @@ from tmca.codes import tile_of
 from tmca.decoders import Weights, decoders
 from tmca.errors import SettingError, TmcaError, check_choice
 from tmca.evaluation.camera import CameraEvaluation, Settings, evaluation_of
-from tmca.evaluation.study_parts import Code, Motion, PublishedTable, Scenes, StudyNetwork, TrainStage
+from tmca.evaluation.study_parts import Code, LearnedCodes, Motion, PublishedTable, Scenes, StudyNetwork, TrainStage
 from tmca.evaluation.tables import decoder_labels
 from tmca.sensor import Sensor
 from tmca.summaries import Summary
@@ -112,16 +112,7 @@ class Study(Summary, BaseModel):
         """Names point to what is there."""
         application_of(self.camera)
         for name, code in self.codes.items():
-            self._dead_time(name, code)
-            if code.file is not None and not Path(code.file).is_file():
-                raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
-            self._check_weights(name, code)
-            if code.search and code.search.noise is not None:
-                check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
-            if code.learn and code.learn.start is not None:
-                check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
-            for network in code.learn.networks if code.learn else ():
-                check_choice(f"codes.{name}.learn.networks", network, self.networks)
+            self._check_code(name, code)
         paired = [name for pair in self.decoder_pairs for name in pair]
         paired += [name for row in (self.published.rows if self.published else {}).values() for name in row.decoders]
         for decoder in paired:
@@ -134,6 +125,19 @@ class Study(Summary, BaseModel):
                 raise SettingError(where, error.found, error.expected, error.remedy) from None
         object.__setattr__(self, "reading", self.evaluation.Reading(**self.reading).model_dump(mode="json"))
         return self
+
+    def _check_code(self, name: str, code: Code) -> None:
+        """Raises SettingError for codes that the study cannot have."""
+        self._dead_time(name, code)
+        if code.file is not None and not Path(code.file).is_file():
+            raise SettingError(f"codes.{name}.file", f"{code.file}, which is no file", "codes or a snapshot")
+        self._check_weights(name, code)
+        if code.search and code.search.noise is not None:
+            check_choice(f"codes.{name}.search.noise", code.search.noise, self.noises)
+        if code.learn and code.learn.start is not None:
+            check_choice(f"codes.{name}.learn.start", code.learn.start, self.codes)
+        for network in code.learn.networks if code.learn else ():
+            check_choice(f"codes.{name}.learn.networks", network, self.networks)
 
     def _check_weights(self, name: str, code: Code) -> None:
         """Raises SettingError for codes of weights that cannot be read, or are another camera's."""
@@ -282,20 +286,19 @@ def training_of(
     pace = about.pace * (about.learning_pace * learn.steps if learn else 1)
     steps = max(stage.least_steps, round(stage.steps * pace))
     often = max(1, steps // (learn.steps if learn else 1) // stage.validations)
-    stays = chosen.learn is not None and learn is None  # learned codes are no longer of a kind
-    camera = {"slots": chosen.camera["slots"]} if stays else chosen.camera
-    searched = chosen.search.slots if chosen.search else None
-    camera = {
-        **study.settings,
-        **study.evaluation.training_camera(study),
-        **({"slots": searched} if searched else {}),
-        **camera,
-        "seed": seed,
-        "learn": learn.what if learn else "none",
-    }
+    camera = _training_camera(study, chosen, learn) | {"seed": seed, "learn": learn.what if learn else "none"}
     codes = {} if start is None else {"start": start, **({"decoder": start} if learn and learn.decoder else {})}
     run: Settings = {
         "camera": camera, "noise": list(study.noises.values()), "decoder": about.decoder, "codes": codes,
         "data": scenes, "optimiser": {"steps": steps}, "validate_every": often, "seed": seed,
     }  # fmt: skip
     return merged(run, stage.settings, about.training, about.learning if learn else {})
+
+
+def _training_camera(study: Study, code: Code, learn: LearnedCodes | None) -> Settings:
+    """Arguments of the camera of a training; learned codes that stay as they are are no longer of a kind."""
+    stays = code.learn is not None and learn is None
+    camera = {"slots": code.camera["slots"]} if stays else code.camera
+    searched = code.search.slots if code.search else None
+    usual = {**study.settings, **study.evaluation.training_camera(study)}
+    return {**usual, **({"slots": searched} if searched else {}), **camera}

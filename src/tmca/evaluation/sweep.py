@@ -98,8 +98,7 @@ def run_sweep(
     """
     out = out.with_suffix("")
     files = [out.with_name(f"{out.name}{suffix}") for suffix in (".json", ".csv", ".md", ".png")]
-    described = plain(vars(sweep))
-    overwrite = check_resumed(files, overwrite, "sweep", described)
+    overwrite = check_resumed(files, overwrite, "sweep", plain(vars(sweep)))
     check_counts(jobs=jobs)
     points, names = sweep.points(), short_names(sweep.scenes)
     check_folder(out.parent)
@@ -107,23 +106,29 @@ def run_sweep(
     windows = [_window(sweep, point) for point in points]
     make_folder(out.parent)
     with held_folder(work), counting(progress, f"sweep {out.name}") as report:
-        computing = partial(
-            compute, folder=str(work), device=device, files=loaded({str(point["decoder"]) for point in points})
-        )
+        named = loaded({str(point["decoder"]) for point in points})
+        computing = partial(compute, folder=str(work), device=device, files=named)
         grid = Grid(computing, work, jobs, cluster, report)
         cells = _measurements(sweep, points, names, grid, max(windows, default=None, key=lambda side: side or 0))
         rows = _rows(points, grid.run(cells), [*names.values()])
         if not rows:
             grid.check()
-        results = {
-            "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
-            "scenes": [*names.values()], "vary": {name: [*values] for name, values in sweep.vary.items()},
-            "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
-            "train": [Path(name).name for name in sweep.learned], "rows": rows, "sweep": described,
-        }  # fmt: skip
+        results = _record(sweep, rows, [*names.values()], command)
         _write(sweep, results, out, overwrite)
         grid.check()
     return results
+
+
+def _record(
+    sweep: Sweep, rows: Sequence[Mapping[str, Any]], scenes: Sequence[str], command: Sequence[str]
+) -> dict[str, Any]:
+    """What the JSON file holds."""
+    return {
+        "camera": sweep.evaluation.title, "command": " ".join(command), "commit": repository_commit(),
+        "scenes": scenes, "vary": {name: [*values] for name, values in sweep.vary.items()},
+        "fixed": {name: value for name, value in sweep.fixed.items() if name not in sweep.vary},
+        "train": [Path(name).name for name in sweep.learned], "rows": rows, "sweep": plain(vars(sweep)),
+    }  # fmt: skip
 
 
 def _window(sweep: Sweep, point: Point) -> int | None:
@@ -149,27 +154,30 @@ def _measurements(
     networks = _networks(sweep, points, grid)
     for point in points:
         label, key = _label(point), str(point)
-        settings, codes = _camera_settings(sweep, point)
         if ("design" in point and key not in designs) or (point["decoder"] in sweep.networks and key not in networks):
             continue
-        if "design" in point:
-            settings, codes = {}, designs[key]
-        options = sweep.options_of(point)
-        if point["decoder"] == "likelihood":
-            options = {"window": sweep.reading.get("window"), **options}
-        common: Settings = {"camera": sweep.camera, "decoder": point["decoder"], "seed": point.get("seed", 0)}
-        common |= {"settings": settings, "sensor": sweep.sensor_of(point), "codes": codes, "options": options}
-        common |= {"faults": sweep.faults_of(point), "prior": priors.get(key), "weights": networks.get(key)}
-        common |= {"about": {"contrast": point["contrast"]} if "contrast" in point else {}}
-        common["reading"] = sweep.reading
+        common = _common(sweep, point, designs.get(key))
+        common |= {"prior": priors.get(key), "weights": networks.get(key)}
+        files = (common["codes"], common["options"].get("weights"))
+        program = getattr(decoders().get(point["decoder"]), "file", None)
+        behind = [identity_of(str(file)) if file else None for file in files]
+        behind += [] if program is None else [identity_of(program)]
         for source, scene in names.items():
             about: Settings = {"name": f"{scene}: {label}", "scene": scene, "source": source}
-            files = (codes, options.get("weights"))
-            identity = [identity_of(source), *(identity_of(str(file)) if file else None for file in files)]
-            program = getattr(decoders().get(point["decoder"]), "file", None)
-            identity += [] if program is None else [identity_of(program)]
-            cells.append(Measurement(**about, identity=identity, **common))
+            cells.append(Measurement(**about, identity=[identity_of(source), *behind], **common))
     return cells
+
+
+def _common(sweep: Sweep, point: Point, design: str | None) -> Settings:
+    """What the cells of a combination have in common on all scenes; ``design`` is the file of searched codes."""
+    settings, codes = _camera_settings(sweep, point) if design is None else ({}, design)
+    window = {"window": sweep.reading.get("window")} if point["decoder"] == "likelihood" else {}
+    return {
+        "camera": sweep.camera, "decoder": point["decoder"], "seed": point.get("seed", 0), "settings": settings,
+        "sensor": sweep.sensor_of(point), "codes": codes, "options": {**window, **sweep.options_of(point)},
+        "faults": sweep.faults_of(point), "reading": sweep.reading,
+        "about": {"contrast": point["contrast"]} if "contrast" in point else {},
+    }  # fmt: skip
 
 
 def _label(point: Point) -> str:

@@ -10,6 +10,7 @@ from tmca.optics.heights import (
     restored_maps,
 )
 from tmca.optics.light_field import MaskGeometry, ViewShear, view_coordinates, view_grid
+from tmca.optics.named_masks import FAMILIES, MODES, mask_heights, mask_maps
 from tmca.optics.phase import MATERIALS, Material
 from tmca.optics.point_spread import (
     AngularSpectrum,
@@ -22,17 +23,7 @@ from tmca.optics.point_spread import (
     stray_light,
 )
 from tmca.optics.spectral import Dispersion, gaussian_psf
-from tmca.optics.spectral_depth import (
-    FAMILIES,
-    MODES,
-    DepthPlanes,
-    PhaseAttributes,
-    PhaseMaskBench,
-    changed_bench,
-    check_stated,
-    mask_heights,
-    mask_maps,
-)
+from tmca.optics.spectral_depth import DepthPlanes, PhaseAttributes, PhaseMaskBench, changed_bench, check_stated
 
 __all__ = [
     "FAMILIES",

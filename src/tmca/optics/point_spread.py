@@ -72,15 +72,19 @@ class AngularSpectrum(nn.Module):
         highest = [1 / (waves * ((2 * distance / (n * pitch)) ** 2 + 1) ** 0.5) for n in self.padded]
         passed = (fy[:, None].abs() <= highest[0]) & (fx.abs() <= highest[1]) & (sine < 1)
         self.register_buffer("transfer", torch.polar(passed.double(), phase).to(torch.complex64), persistent=False)
+        self._check_left(highest, pitch, max(wavelengths), distance)
+
+    def _check_left(self, highest: Sequence[Tensor], pitch: float, longest: float, distance: float) -> None:
+        """Warns ``Undersampled`` along a side where the highest frequencies that pass leave too few."""
         for padded, side, limit in zip(self.padded, self.size, highest, strict=True):
             left = 2 * float(limit.min()) * padded * pitch
             if left < padded and (left < LEAST_KEPT or padded < 2 * side):
                 warn(
-                    f"angular spectrum: {left:.0f} of {padded} frequencies follow {max(wavelengths) * 1e9:.0f} nm over "
+                    f"angular spectrum: {left:.0f} of {padded} frequencies follow {longest * 1e9:.0f} nm over "
                     f"{abs(distance):.4g} m, {LEAST_KEPT} and a padding of 2 are needed; take more padding, or "
                     "FocalPlane",
                     Undersampled,
-                    stacklevel=2,
+                    stacklevel=3,
                 )
                 break
 

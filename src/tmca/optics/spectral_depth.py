@@ -1,9 +1,9 @@
 """Optics of the spectral-depth camera: depth planes (thesis eq. 29, errata), a lens, a phase mask in its aperture, a
-sensor behind (section 5); named masks to start from."""
+sensor behind (section 5)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from math import inf
 from typing import Annotated, Any
@@ -15,19 +15,17 @@ from torch import Tensor
 
 from tmca.attributes import STRICT, Attributes
 from tmca.errors import DataError, SettingError, check_choice, check_range, check_shape
-from tmca.optics.heights import HIGHEST, FreeForm, HeightMaps, RotationalProfile, Stroke, ZernikeHeights
-from tmca.optics.phase import Material, circular_aperture, pixel_places, radians_per_metre, spherical_wave
+from tmca.optics.heights import HeightMaps, Stroke
+from tmca.optics.phase import Material, circular_aperture, radians_per_metre, spherical_wave
 from tmca.optics.point_spread import FocalPlane, PointSpread, Undersampled
-from tmca.optics.zernike import noll, pupil_coordinates
 
-FAMILIES = ("flat", "zernike", "free-form", "rotational", "lens")
-MODES = 18
-"""Noll modes 4 to 21: those of a mirror with 40 actuators, less piston and tilts, which shift an image only."""
 MOST_SAMPLES = 2**28
 """Samples of point spread functions, which no array of a file is as large as."""
-_RADII, _MOST_PLANES = 16, 10_000
+_MOST_PLANES = 10_000
 _ROUNDING = 1e-6
 """By how much of itself a depth may be beyond the range: what single precision makes of its ends."""
+_ABOVE = 1 + 1e-9
+"""Factor above a bound from which something counts as beyond it."""
 
 
 @with_config(STRICT)
@@ -194,35 +192,41 @@ class PhaseMaskBench:
         The Fourier pair of mask and sensor repeats every ``λ s / mask_pitch`` on the sensor: the window has to be
         smaller than that.
         """
-        radius, shortest, rounding = self.diameter / 2, min(wavelengths), 1 + 1e-9
-        cones, warnings = {} if self.focus is not None else {"focused on the sensor": self.distance}, []
+        shortest = min(wavelengths)
+        for text in (*self._steep(shortest, planes), *self._folded(shortest)):
+            warn(text, Undersampled, stacklevel=3)
+
+    def _steep(self, shortest: float, planes: DepthPlanes) -> Iterator[str]:
+        """What is said of the cones whose phase the mask's pixels do not follow."""
+        radius, cones = self.diameter / 2, {} if self.focus is not None else {"focused on the sensor": self.distance}
         for depth in (planes.near, planes.far):
             difference = abs(1 / depth - 1 / (inf if self.focus is None else self.focus))
             if difference > 0:
                 cones[f"points at {depth:g} m"] = 1 / difference
         for cone, length in cones.items():
             bound = shortest * (radius**2 + length**2) ** 0.5 / (2 * radius)  # half a wave at the rim
-            if self.mask_pitch > bound * rounding:
-                warnings.append(
+            if self.mask_pitch > bound * _ABOVE:
+                yield (
                     f"mask, {cone}: a pitch of {self.mask_pitch * 1e6:.3g} µm is larger than {bound * 1e6:.3g} µm, the "
                     f"most that a cone of radius {radius * 1e3:.3g} mm over {length * 1e3:.3g} mm allows at "
                     f"{shortest * 1e9:.0f} nm; take a finer pitch, a smaller aperture or a longer distance"
                 )
+
+    def _folded(self, shortest: float) -> Iterator[str]:
+        """What is said of samples and a window on the sensor into which light folds."""
         step, finest = self.pitch / self.oversampling, shortest * self.distance / (2 * self.diameter)
-        if step > finest * rounding:
-            warnings.append(
+        if step > finest * _ABOVE:
+            yield (
                 f"sensor: samples of {step * 1e6:.3g} µm are coarser than {finest * 1e6:.3g} µm, the most that follows "
                 f"the light of this aperture at {shortest * 1e9:.0f} nm; take more oversampling"
             )
         period, wide = shortest * self.distance / self.mask_pitch, max(self.window) * self.pitch
-        if wide > period * rounding:
-            warnings.append(
+        if wide > period * _ABOVE:
+            yield (
                 f"window: {max(self.window)} pixels of {self.pitch * 1e6:.3g} µm are wider than the "
                 f"{period * 1e6:.4g} µm after which light repeats at {shortest * 1e9:.0f} nm; "
                 "take more mask pixels or a smaller window"
             )
-        for text in warnings:
-            warn(text, Undersampled, stacklevel=3)
 
 
 def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMaskBench:
@@ -234,79 +238,6 @@ def changed_bench(bench: PhaseMaskBench, changes: Mapping[str, Any]) -> PhaseMas
     for name in changes:
         check_choice("bench", name, (field.name for field in fields(bench)))
     return replace(bench, **changes)
-
-
-def mask_heights(
-    family: str,
-    slots: int,
-    bench: PhaseMaskBench,
-    *,
-    rms: float = 0.1e-6,
-    wavelength: float = 550e-9,
-    modes: int = MODES,
-    stroke: Stroke | None = None,
-    seed: int = 0,
-    learnable: bool = False,
-) -> HeightMaps:
-    """K height maps of a family, different in every slot where they are random.
-
-    ``"flat"``: zero, free-form. ``"zernike"``: random modes from defocus on, as a deformable mirror shows them.
-    ``"free-form"``: the same start, every pixel free. ``"rotational"``: random profiles over the radius. ``"lens"``: a
-    Fresnel lens that focuses objects at infinity on the sensor, free-form.
-
-    Args:
-        family: one of ``FAMILIES``.
-        slots: K.
-        bench: size, pitch and material of the maps.
-        rms: of random heights over the aperture, but for their mean, metres.
-        wavelength: that ``"lens"`` focuses, metres.
-        modes: number of Zernike modes, from Noll's fourth on.
-        stroke: of the device.
-        seed: of random maps.
-        learnable: whether they are learned.
-
-    Raises:
-        SettingError: unknown family, no modes, a negative or huge rms, or a lens on a bench that has one.
-    """
-    check_choice("mask", family, FAMILIES)
-    if family == "lens" and bench.focus is not None:
-        remedy = "or set no focus, for a bench without"
-        raise SettingError("mask", "a lens on a bench with a lens", f"one of {', '.join(FAMILIES[:-1])}", remedy)
-    check_range("slots", slots, 1)
-    check_range("modes", modes, 1)
-    check_range("rms", rms, 0, HIGHEST, unit="m")
-    size, generator = bench.mask_size, torch.Generator().manual_seed(seed)
-    if family == "rotational":
-        radii = 1e-6 * torch.randn(slots, _RADII, generator=generator)
-        shown = RotationalProfile(radii, size).profile()[:, pupil_coordinates(size)[0] <= 1].std(1, correction=0)
-        return RotationalProfile(radii * (rms / shown)[:, None], size, stroke, learnable=learnable)
-    if family == "flat":
-        heights = torch.zeros(slots, *size)
-    elif family == "lens":
-        heights = _fresnel_lens(bench, wavelength).expand(slots, -1, -1).clone()
-    else:
-        # modes have unit variance, and their squares add up
-        drawn = torch.randn(slots, modes, generator=generator)
-        coefficients, indices = drawn * (rms / drawn.norm(dim=-1, keepdim=True)), [noll(4 + n) for n in range(modes)]
-        maps = ZernikeHeights(coefficients, indices, size, stroke, learnable=learnable)
-        if family == "zernike":
-            return maps
-        heights = maps.profile().detach()
-    heights = heights if stroke is None else heights.clamp(stroke.low, stroke.high)
-    return FreeForm(heights, stroke, learnable=learnable)
-
-
-def mask_maps(
-    mask: str | Tensor | HeightMaps, slots: int, bench: PhaseMaskBench, *, learnable: bool, **drawn: Any
-) -> HeightMaps:
-    """Height maps of K slots on a bench: of a family, drawn as ``mask_heights`` does, or those that are given."""
-    if isinstance(mask, str):
-        return mask_heights(mask, slots, bench, learnable=learnable, **drawn)
-    maps = mask if isinstance(mask, HeightMaps) else FreeForm(mask, drawn["stroke"], learnable=learnable)
-    if learnable and not list(maps.parameters()):
-        maps = maps.repeated(slots, learnable=True)
-    check_shape("mask", maps(), (slots, *bench.mask_size))
-    return maps
 
 
 class PhaseAttributes(Attributes):
@@ -335,11 +266,3 @@ def check_stated(stated: PhaseAttributes, mask: tuple[int, ...], bands: int, whe
     if samples > MOST_SAMPLES:
         found = f"point spread functions of {float(samples):.3g} samples"
         raise DataError(where, found, f"at most {MOST_SAMPLES}", remedy)
-
-
-def _fresnel_lens(bench: PhaseMaskBench, wavelength: float) -> Tensor:
-    """(H, W) heights of a lens that focuses on the sensor, folded to one wavelength of path."""
-    (y, x), material = pixel_places(bench.mask_size, bench.mask_pitch), bench.phase_material()
-    path = bench.distance - torch.sqrt(bench.distance**2 + (y**2 + x**2))
-    factor = 2.0 if material is None else float(material.index([wavelength])[0]) - 1
-    return torch.remainder(path, wavelength) / factor

@@ -18,6 +18,8 @@ CORNER, _POINTS = 48, 10
 """Pixels of codes, and mask points, that are shown along each side."""
 _CLEAR, _DARK = 0.85, 1e-3
 """Level of a clear filter on white paper, and light of a filter below which it has no colour to an eye."""
+_Row = tuple[np.ndarray, list[str]]
+"""Planes, and the title of each."""
 _COLUMNS = 9
 """Most panels side by side: an odd number, so that the centre view is among them."""
 
@@ -62,19 +64,11 @@ def codes_figure(
         title: above all of them.
         corner: pixels along each side that are shown.
     """
-    slots = [f"slot {k + 1} of {len(aperture)}" for k in range(len(aperture))]
-    names, rows = [f"T̂, {name}" for name in channels], [(aperture, [f"T, {s}" for s in slots])]
     shutters, cubes = (part if part.ndim == 4 else part[None] for part in (shutter, code))
-    marks = ["" if len(shutters) == 1 else f"{r + 1}" for r in range(len(shutters))]  # the number of the bucket
-    rows += [(shown, [f"S{mark}, {s}" for s in slots]) for mark, shown in zip(marks, shutters, strict=True)]
-    rows += [(cube, [f"T̂{mark}, {name}" for name in channels]) for mark, cube in zip(marks, cubes, strict=True)]
     if len(aperture) == 1 and len(shutters) == 1:
-        # one of them is larger: it holds the dispersed light, or the shear of the views
-        height, width = (min(corner, aperture.shape[axis], shutter.shape[axis]) for axis in (1, 2))
-        both = np.stack([plane[0, :height, :width] for plane in (aperture, shutter)])
-        chosen = evenly(len(code), 6)
-        few = code[chosen, :height, :width]
-        rows = [(np.concatenate((both, few)), ["T", "S", *(names[index] for index in chosen)])]
+        rows = [_static_row(aperture, shutter, code, channels, corner)]
+    else:
+        rows = _rows(aperture, shutters, cubes, channels)
     columns = min(_COLUMNS, max(len(planes) for planes, _ in rows))
     figure, axes = grid(len(rows), columns, width=1.5, aspect=1.0)
     highest = max(float(cubes.max()), 1e-9)  # of all buckets, whose pictures are compared
@@ -86,6 +80,26 @@ def codes_figure(
     add_bar(axes[-1, len(evenly(len(rows[-1][0]), columns)) - 1], axes[-1, 0].images[0], "transmittance")
     figure.suptitle(title, fontsize=9)
     return figure
+
+
+def _rows(aperture: np.ndarray, shutters: np.ndarray, cubes: np.ndarray, channels: Sequence[str]) -> list[_Row]:
+    """The aperture, then the shutters, then the code cubes of all buckets."""
+    slots = [f"slot {k + 1} of {len(aperture)}" for k in range(len(aperture))]
+    marks = ["" if len(shutters) == 1 else f"{r + 1}" for r in range(len(shutters))]  # the number of the bucket
+    rows = [(aperture, [f"T, {s}" for s in slots])]
+    rows += [(shown, [f"S{mark}, {s}" for s in slots]) for mark, shown in zip(marks, shutters, strict=True)]
+    return rows + [(cube, [f"T̂{mark}, {name}" for name in channels]) for mark, cube in zip(marks, cubes, strict=True)]
+
+
+def _static_row(
+    aperture: np.ndarray, shutter: np.ndarray, code: np.ndarray, channels: Sequence[str], corner: int
+) -> _Row:
+    """Both planes and some channels of the code; one is larger, for dispersed light or the shear of the views."""
+    height, width = (min(corner, aperture.shape[axis], shutter.shape[axis]) for axis in (1, 2))
+    both = np.stack([plane[0, :height, :width] for plane in (aperture, shutter)])
+    chosen = evenly(len(code), 6)
+    few = code[chosen, :height, :width]
+    return np.concatenate((both, few)), ["T", "S", *(f"T̂, {channels[index]}" for index in chosen)]
 
 
 def phase_codes_figure(

@@ -94,14 +94,7 @@ def _draw_source(row: Any, plane: Plane, top: float, factor: float, look: _Look)
     images: list[Any] = [None, None]
     short = plane.title.partition(":")[0] if look.mark < 1 else plane.title
     if plane.matched is not None:
-        title = f"{plane.title.partition(':')[0]}: matched filter"
-        decibels = 20 * np.log10(np.maximum(plane.matched / max(float(plane.matched.max()), 1e-300), 1e-10))
-        if plane.norms.ndim == 2:
-            images[0] = _draw_image(row[0], plane, decibels, (_FLOOR, 0.0), factor, look)
-        else:
-            _draw_line(row[0], plane, decibels, 0.0, look)
-            row[0].set_ylim(_FLOOR, 3)
-        _label(row[0], plane, title, "decibels", look)
+        images[0] = _draw_matched(row[0], plane, plane.matched, factor, look)
     axis = row[-1]
     if plane.norms.ndim == 2:
         images[1] = _draw_image(axis, plane, plane.norms, (0.0, top), factor, look)
@@ -114,6 +107,19 @@ def _draw_source(row: Any, plane: Plane, top: float, factor: float, look: _Look)
         axis.set_ylim(0, 1.15 * max(1.0, float(plane.norms.max())))
     _label(axis, plane, f"{short}: dual polynomial" if look.mark < 1 else short, "‖f‖ / weight", look)
     return images
+
+
+def _draw_matched(axis: Axes, plane: Plane, matched: np.ndarray, factor: float, look: _Look) -> Any:
+    """A source's matched filter; its image, None of a line."""
+    drawn = None
+    decibels = 20 * np.log10(np.maximum(matched / max(float(matched.max()), 1e-300), 1e-10))
+    if plane.norms.ndim == 2:
+        drawn = _draw_image(axis, plane, decibels, (_FLOOR, 0.0), factor, look)
+    else:
+        _draw_line(axis, plane, decibels, 0.0, look)
+        axis.set_ylim(_FLOOR, 3)
+    _label(axis, plane, f"{plane.title.partition(':')[0]}: matched filter", "decibels", look)
+    return drawn
 
 
 def _label(axis: Axes, plane: Plane, title: str, values: str, look: _Look) -> None:

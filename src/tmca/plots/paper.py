@@ -283,15 +283,9 @@ class _Sheet:
         each = self.width / len(self.curves)
         for number, curves in enumerate(self.curves):
             axis = self.axes(number * each + _AXIS, top, each - _AXIS - _RIGHT, _CURVES)
-            for place, (name, values) in enumerate(curves.lines.items()):
-                look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": _THIN}
-                look |= {"color": "black", "linewidth": _TRUTH} if name == "truth" else {}
-                axis.plot(curves.x, values, label=name, **look)
-            axis.set_title(curves.title, fontsize=POINTS, pad=2)
-            axis.set_xlabel(curves.labels[0], fontsize=POINTS, labelpad=1)
+            _draw_curves(axis, curves)
             if number == 0:
                 axis.set_ylabel(curves.labels[1], fontsize=POINTS, labelpad=1)
-            axis.tick_params(labelsize=POINTS, length=2, width=0.5, pad=1.5)
             axis.locator_params(axis="x", nbins=max(2, int(each / _TICK)))
             axis.locator_params(axis="y", nbins=4)
         handles, names = axis.get_legend_handles_labels()
@@ -303,6 +297,16 @@ class _Sheet:
         }
         spaces: dict[str, Any] = {"borderpad": 0.2, "labelspacing": 0.2, "columnspacing": 1.2, "handlelength": 1.6}
         self.figure.legend(handles, names, bbox_to_anchor=(0.5, 0.0), **how, **spaces)
+
+
+def _draw_curves(axis: Axes, curves: Curves) -> None:
+    for place, (name, values) in enumerate(curves.lines.items()):
+        look: dict[str, Any] = {"color": _LINES[(place - 1) % len(_LINES)], "linewidth": _THIN}
+        look |= {"color": "black", "linewidth": _TRUTH} if name == "truth" else {}
+        axis.plot(curves.x, values, label=name, **look)
+    axis.set_title(curves.title, fontsize=POINTS, pad=2)
+    axis.set_xlabel(curves.labels[0], fontsize=POINTS, labelpad=1)
+    axis.tick_params(labelsize=POINTS, length=2, width=0.5, pad=1.5)
 
 
 def _map(axis: Axes, values: np.ndarray, scale: Scale) -> None:

@@ -6,6 +6,7 @@ import hashlib
 import inspect
 import json
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from math import prod
 from pathlib import Path
@@ -113,26 +114,32 @@ def _of_rendered(camera: Any, kind: str, block: tuple[int, int] | None, progress
     if not cls.of_rendered:
         raise SettingError(cls.argument, "none", cls.called, f"learn one with {cls.learned_by}")
     identity, scenes = _rendered_scenes(camera)
-    foreign = foreign_source(cls)
-    identity |= {"source": foreign} if foreign else {}
-    identity |= {"block": block or block_of(camera, kind), "learner": [kind, cls.version, _defaults(cls, camera.views)]}
-    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
-    label = kind if camera.views is None else f"light-field-{kind}"
-    file = cache_folder() / f"rendered-{label}-{digest}.nc"
+    name = _cache_name(cls, kind, block or block_of(camera, kind), camera.views, identity)
+    file = cache_folder() / name
     if file.exists():
-        try:
+        with suppress(DataError):  # a damaged file of ours: learned anew below, and replaced
             return load_prior(file)
-        except DataError:
-            pass  # a damaged file of ours: learned anew below, and replaced
     examples = []
-    for index, (name, render) in enumerate(scenes):
-        progress(0.5 * index / len(scenes), f"first use: rendering {name} for the prior, which is then cached")
-        examples.append(values_of(render()).assign_attrs(name=name))
+    for index, (scene, render) in enumerate(scenes):
+        progress(0.5 * index / len(scenes), f"first use: rendering {scene} for the prior, which is then cached")
+        examples.append(values_of(render()).assign_attrs(name=scene))
     progress(0.5, f"first use: learning the {kind} prior, which is then cached")
     prior = learn_prior(examples, camera, kind, block=block)
     make_folder(file.parent)
     prior.save(file, overwrite=True)
     return prior
+
+
+def _cache_name(
+    cls: type[Prior], kind: str, block: tuple[int, int], views: tuple[int, int] | None, scenes: dict[str, Any]
+) -> str:
+    """The file of a prior of scenes: by all that makes it."""
+    foreign = foreign_source(cls)
+    identity = scenes | ({"source": foreign} if foreign else {})
+    identity |= {"block": block, "learner": [kind, cls.version, _defaults(cls, views)]}
+    digest = hashlib.sha256(json.dumps(identity).encode()).hexdigest()[:16]
+    label = kind if views is None else f"light-field-{kind}"
+    return f"rendered-{label}-{digest}.nc"
 
 
 def _rendered_scenes(camera: Any) -> tuple[dict[str, Any], list[tuple[str, partial[xr.Dataset]]]]:
@@ -258,16 +265,21 @@ def learn_prior(
     elif camera is not None:
         block = block_of(camera, kind)
     else:
-        any_bands = issubclass(cls, SubspacePrior)
-        extent = (_WIDEST if any_bands else 0) if extent is None else extent
-        check_range("extent", extent, 0, whole=True)
-        bands = 1 if any_bands else len(about.get("wavelengths", ()))
-        block = usual_block(kind, bands, extent, views)
+        block = _block_without_camera(kind, cls, extent, about)
     about |= {"seed": seed} if any(one.name == "seed" for one in _keywords(cls)) else {}
     about |= cls.settings_of_views if views is not None else {}
     about |= {"sources": [source_of(example) for example in examples], **settings}
     cubes = [cube for example in examples for cube in cubes_of(example)]
     return cls.learn(cubes, fitting_block(examples, block, needed), **about)
+
+
+def _block_without_camera(kind: str, cls: type[Prior], extent: int | None, channels: dict[str, Any]) -> tuple[int, int]:
+    """The usual block of scenes of these channels, whose light reaches as far as ``extent`` columns."""
+    any_bands = issubclass(cls, SubspacePrior)
+    extent = (_WIDEST if any_bands else 0) if extent is None else extent
+    check_range("extent", extent, 0, whole=True)
+    bands = 1 if any_bands else len(channels.get("wavelengths", ()))
+    return usual_block(kind, bands, extent, channels.get("views"))
 
 
 def _examples(scenes: Any) -> list[xr.DataArray]:

@@ -280,41 +280,54 @@ def _training(record: Mapping[str, Any]) -> str:
 
 
 def _sections(advice: Advice, record: Mapping[str, Any]) -> list[Section]:
-    scenes = [
-        {"scene": name, "static": advice.static.held_out[name], "own": value, "gain": advice.best.gains[name]}
-        for name, value in advice.best.held_out.items()
-    ]
+    designs, several = columns_of(record), len(advice.best.held_out) > 1
+    survey = ["A survey with less effort; gains are over its own static code, the first row."]
+    caption = "Gain over the static code" + (", and its spread over the scenes" if several else "")
+    return [
+        Section("Advice", _about(advice, record), record["designs"], designs, points=advice_lines(advice)),
+        Section("Every number of slots", survey, record["surveyed"], designs, {caption: _gains(advice)}),
+        *([_each_scene(advice)] if several else []),
+        Section("The codes", _about_files(advice, record),
+                figures={"One period": advice.best.design.camera.plot(record["period"])}),
+    ]  # fmt: skip
+
+
+def _about(advice: Advice, record: Mapping[str, Any]) -> list[str]:
+    """Paragraphs on the sensor, and on how designs were judged."""
     sheet = {name: value for name, value in record["sensor"].items() if value not in (None, 0.0)}
     channel, (read, shot) = advice.best.design.camera.channel, advice.noise
-    several, designs = len(scenes) > 1, columns_of(record)
     about = [
         "Sensor: " + ", ".join(f"{name} {value:g}" for name, value in sheet.items()) + ".",
         f"In snapshot units (1 = one {channel} of a white scene): read noise {read:.3g}, shot variance {shot:.3g} per "
         f"unit. {_light(record)}",
         "Expected PSNR is that of the best linear estimate under the scenes' Gaussian prior, block by block, before "
         "anything is captured. Codes are searched for all scenes; "
-        + ("gains are those of each scene when the estimate knows only the others." if several
+        + ("gains are those of each scene when the estimate knows only the others." if len(advice.best.held_out) > 1
            else "with one scene the prior knows what it is judged on, and gains may be too large."),
     ]  # fmt: skip
-    columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
-    survey = ["A survey with less effort; gains are over its own static code, the first row."]
     if advice.burst is not None:
         about.append(
             "A burst is static frames with an aperture each, one after the other within the same time: it loses no "
             "light either. Each bucket and each frame has its own read noise and its own full well."
         )
+    return about
+
+
+def _each_scene(advice: Advice) -> Section:
+    scenes = [
+        {"scene": name, "static": advice.static.held_out[name], "own": value, "gain": advice.best.gains[name]}
+        for name, value in advice.best.held_out.items()
+    ]
+    columns = [("scene", "scene", ""), ("static", "static (dB)", ".2f"), ("own", "recommended (dB)", ".2f")]
+    return Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")])
+
+
+def _about_files(advice: Advice, record: Mapping[str, Any]) -> list[str]:
+    """Paragraphs on what is done with the files of codes."""
     codes = [f"Take them along: tmca simulate {record['camera']} SCENE --codes codes.nc; train a network for them: "
              f"{_training(record)}."]  # fmt: skip
     codes += [other_files(record["files"])]
-    codes += ["Those of the burst, to compare with: --codes burst.nc."] if advice.burst is not None else []
-    caption = "Gain over the static code" + (", and its spread over the scenes" if several else "")
-    each = [Section("Scene by scene", [], scenes, [*columns, ("gain", "gain (dB)", "+.2f")])] if several else []
-    return [
-        Section("Advice", about, record["designs"], designs, points=advice_lines(advice)),
-        Section("Every number of slots", survey, record["surveyed"], designs, {caption: _gains(advice)}),
-        *each,
-        Section("The codes", codes, figures={"One period": advice.best.design.camera.plot(record["period"])}),
-    ]  # fmt: skip
+    return codes + (["Those of the burst, to compare with: --codes burst.nc."] if advice.burst is not None else [])
 
 
 def _gains(advice: Advice) -> Figure:

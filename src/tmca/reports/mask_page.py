@@ -175,8 +175,24 @@ def _distances(advice: MaskAdvice) -> Figure:
 
 
 def _sections(advice: MaskAdvice, record: Mapping[str, Any], figures: Mapping[str, Figure]) -> list[Section]:
+    each = {advice.named(design): _stem_of(advice, design) for design in advice.finals}
+    return [
+        Section("Advice", _about(advice, record), record["designs"], columns_of(record)),
+        Section("Over depth", figures={
+            "Fisher information about inverse depth": figures["fisher.png"],
+            "How far the snapshots of two planes are apart: square roots, alike from where they are never confused":
+            figures["distances.png"]}),
+        Section("Masks", figures={
+            f"Masks, shutter and filters, {name}": figures[f"masks_{stem}.png"] for name, stem in each.items()}),
+        Section("Point spread functions", figures={
+            f"Over depth, {name}": figures[f"psf_{stem}.png"] for name, stem in each.items()}),
+    ]  # fmt: skip
+
+
+def _about(advice: MaskAdvice, record: Mapping[str, Any]) -> list[str]:
+    """Paragraphs on the advice, and on how masks were searched."""
     effort, noise = record["effort"], record["noise"]
-    about = [
+    return [
         record["advice"],
         f"Read noise {noise['read']:.3g}, shot variance {noise['shot']:.3g} per unit (1 = one band of a white scene); "
         f"windows of {record['window']} pixels, {len(record['wavelengths'])} bands, {len(record['depth'])} planes.",
@@ -187,18 +203,6 @@ def _sections(advice: MaskAdvice, record: Mapping[str, Any], figures: Mapping[st
         record["caveat"],
         "Take masks along: tmca simulate spectral-depth SCENE --codes codes.nc.",
     ]
-    each = {advice.named(design): _stem_of(advice, design) for design in advice.finals}
-    return [
-        Section("Advice", about, record["designs"], columns_of(record)),
-        Section("Over depth", figures={
-            "Fisher information about inverse depth": figures["fisher.png"],
-            "How far the snapshots of two planes are apart: square roots, alike from where they are never confused":
-            figures["distances.png"]}),
-        Section("Masks", figures={
-            f"Masks, shutter and filters, {name}": figures[f"masks_{stem}.png"] for name, stem in each.items()}),
-        Section("Point spread functions", figures={
-            f"Over depth, {name}": figures[f"psf_{stem}.png"] for name, stem in each.items()}),
-    ]  # fmt: skip
 
 
 def _about_buckets(advice: MaskAdvice) -> list[str]:

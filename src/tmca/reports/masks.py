@@ -100,13 +100,7 @@ def design_spectral_depth(
     named_once(scenes)
     check_folder(out)
     progress, effort = progress or (lambda share, step: None), effort or MaskEffort()
-    waves, cubes = task.camera["bands"], list[torch.Tensor]()
-    if prior is None:
-        names = scenes or sorted(split_rendered()["train"])[:JUDGING]
-        scenes_read = read_scenes(
-            names, lambda name: _cube(name, waves), lambda share, step: progress(0.1 * share, step)
-        )
-        cubes = list(scenes_read.values())
+    cubes = [] if prior is not None else _cubes(scenes, task, lambda share, step: progress(0.1 * share, step))
     learned = _prior(scenes, prior, cubes, task, lambda share, step: progress(0.1 + 0.2 * share, step))
     judge = judge_on(cubes, learned, window)
     advice = search_masks(
@@ -160,6 +154,12 @@ def _prior(
     progress(0.5, "learning what the scenes have in common")
     sources = [Path(name).stem for name in scenes]
     return GaussianPrior.learn(list(cubes), block, wavelengths=task.camera["bands"], sources=sources)
+
+
+def _cubes(scenes: Sequence[str], task: MaskTask, progress: Progress) -> list[torch.Tensor]:
+    """Example scenes at the searched bands; rendered ones that masks are judged on where none are named."""
+    names = scenes or sorted(split_rendered()["train"])[:JUDGING]
+    return list(read_scenes(names, lambda name: _cube(name, task.camera["bands"]), progress).values())
 
 
 def _cube(name: str, waves: Sequence[float]) -> torch.Tensor:

@@ -109,13 +109,7 @@ class Run:
             TrainingError: a loss or gradient that is not finite.
             Stopped: asked to stop, after a checkpoint.
         """
-        first = self.resume()
-        self.log.keep_until(first)
-        self._set_rates(first)
-        if self.setup.pool and not self.system.frozen:
-            self.setup.pool.delete()  # estimates of codes that this run has still to learn
-        if first == 0 and self.settings.starts_trained:
-            self._validate(0)
+        first = self._begin()
         wrapped, *_ = self.fabric.setup(self.system, *self.optimizers.values())
         with _asked_to_stop() as asked:
             for step in range(first, self.steps):
@@ -134,6 +128,17 @@ class Run:
         if self.setup.pool:
             self.setup.pool.delete()
         return self.best
+
+    def _begin(self) -> int:
+        """Steps that are done; all is as it was behind the last of them."""
+        first = self.resume()
+        self.log.keep_until(first)
+        self._set_rates(first)
+        if self.setup.pool and not self.system.frozen:
+            self.setup.pool.delete()  # estimates of codes that this run has still to learn
+        if first == 0 and self.settings.starts_trained:
+            self._validate(0)
+        return first
 
     def _step(self, wrapped: Any, step: int) -> float:
         share = self.settings.data.batch // self.fabric.world_size

@@ -14,6 +14,7 @@ from tmca.arguments import described
 from tmca.cameras import Snapshot, holds_snapshot
 from tmca.data import Contents, from_array, holds_rgbd, read_scene, read_spectral_depth
 from tmca.data.formats.opening import open_contents
+from tmca.data.formats.stored import Stored
 from tmca.data.in_memory import bare_cube
 from tmca.data.light_fields import find_light_field
 from tmca.data.rendering import is_rendered
@@ -144,16 +145,19 @@ def memory_contents(thing: Any, name: str = "") -> Contents:
     if not isinstance(thing, xarray.Dataset):
         expected = "a file's path, labelled data (xarray), an array, an Estimate or a Snapshot"
         raise SettingError("view", described(thing), expected, "label it with tmca.data.label")
-    arrays = {}
-    for key, array in thing.data_vars.items():
-        waves = array.coords.get("wavelength")
-        metres = None if waves is None or waves.ndim != 1 else np.asarray(waves.values, np.float64)
-        dims = tuple(map(str, array.dims))
-        coords = {dim: array.indexes[dim].to_numpy() for dim in dims if dim in array.indexes}
-        about = {"dims": dims, "coords": coords, "wavelengths": metres, "usual_axis": 0, "full_scale": 1.0}
-        arrays[str(key)] = from_array(str(key), array.values, attrs=dict(array.attrs), **about)
+    arrays = {str(key): _stored(str(key), array) for key, array in thing.data_vars.items()}
     title = name or str(thing.attrs.get("decoder") or thing.attrs.get("name") or "scene")
     return Contents(Path(title), "in memory", arrays, dict(thing.attrs), labelled=True)
+
+
+def _stored(name: str, array: Any) -> Stored:
+    """An array of labelled data, with its own coordinates and wavelengths."""
+    waves = array.coords.get("wavelength")
+    metres = None if waves is None or waves.ndim != 1 else np.asarray(waves.values, np.float64)
+    dims = tuple(map(str, array.dims))
+    coords = {dim: array.indexes[dim].to_numpy() for dim in dims if dim in array.indexes}
+    about = {"dims": dims, "coords": coords, "wavelengths": metres, "usual_axis": 0, "full_scale": 1.0}
+    return from_array(name, array.values, attrs=dict(array.attrs), **about)
 
 
 def unchanged(path: Path) -> Callable[[], None]:

@@ -36,8 +36,6 @@ class Viewer:
 
     def __init__(self, gallery: Gallery, port: int = 0) -> None:
         check_installed()
-        import uvicorn
-
         from tmca.viewer.server import application
 
         self._gallery, self._socket = gallery, _bound(port)
@@ -45,16 +43,7 @@ class Viewer:
         self._port, token = self._socket.getsockname()[1], secrets.token_urlsafe(16)
         self.address = f"http://{HOST}:{self._port}/?token={token}"
         app = application(gallery, token, {f"{name}:{self._port}" for name in (HOST, "localhost")})
-        config = uvicorn.Config(
-            app,
-            log_level="critical",
-            access_log=False,
-            lifespan="off",
-            ws="none",
-            http="h11",
-            timeout_graceful_shutdown=_LAST,
-        )
-        self._server = uvicorn.Server(config)
+        self._server = _silent_server(app)
         self._thread = Thread(target=self._server.run, args=([self._socket],), name="tmca view", daemon=True)
         self._thread.start()
         end = time.monotonic() + _STARTED
@@ -101,6 +90,17 @@ class Viewer:
         address = escape(self.address)
         frame = f'<iframe src="{address}" width="100%" height="720" style="border:0"></iframe>'
         return f'{frame}<br><a href="{address}" target="_blank">in a window of its own</a>'
+
+
+def _silent_server(app: Any) -> Any:
+    """That says nothing, and does not wait for long when it is to end."""
+    import uvicorn
+
+    config = uvicorn.Config(
+        app, log_level="critical", access_log=False, lifespan="off", ws="none", http="h11",
+        timeout_graceful_shutdown=_LAST,
+    )  # fmt: skip
+    return uvicorn.Server(config)
 
 
 def view(*things: Any, truth: Any = None, variable: str | None = None, port: int = 0, browser: bool = False) -> Viewer:
