@@ -16,7 +16,7 @@ from tmca.specs import CAMERA_SPECS, TruthReading
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tmca.applications.imaging import Evaluation
+    from tmca.applications.evaluating import Evaluation
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthReading()
@@ -50,7 +50,7 @@ def evaluate(
             compared; the middle of the exposure without it.
         figure: write a picture of all with error maps and spectra (PNG).
     """
-    from tmca.applications.imaging import application_for, evaluation_of
+    from tmca.applications.evaluating import application_for, evaluation_of
     from tmca.metrics import beside_constant
     from tmca.plots.style import save_figure
 

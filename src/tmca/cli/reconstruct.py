@@ -200,7 +200,7 @@ class _Job:
     def run(self, target: Path) -> _Done:
         """Decode, measure, write."""
         from tmca.applications import application_of
-        from tmca.applications.imaging import metric_notes
+        from tmca.applications.evaluating import metric_notes
         from tmca.applications.pictures import estimate_pictures
         from tmca.data.in_memory import warn_of_estimate
         from tmca.decoders import decode
@@ -289,7 +289,7 @@ class _Job:
 
 def _metrics(estimate: Any, scene: Any) -> dict[str, float]:
     """Of the scene, and of the geometry that it shows."""
-    from tmca.applications.imaging import evaluation_of
+    from tmca.applications.evaluating import evaluation_of
 
     one = evaluation_of(estimate, scene)
     return one.metrics | one.application.geometry(one.estimate, one.truth)
