@@ -10,7 +10,7 @@ from cyclopts import App
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import Json, Overwrite, say
-from tmca.errors import OutputError, SettingError
+from tmca.errors import OutputError
 from tmca.progress import progress_bar
 
 app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
@@ -55,8 +55,7 @@ def capture(
     target = snapshot or out.with_suffix(".nc")
     if target.exists() and not overwrite:
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
-    if bench.simulated and scene is None:
-        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    bench.check_scene(scene)
     device = bench.bench(taken, exposed_whole(read_manifest(export)), scene)
     read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
     faults = {"hardware": bench.faults.described()} if bench.faults.faults() else {}
