@@ -100,21 +100,29 @@ def capture(
             files, record["frames"] = calls.of(partial(device.files_of_frames, names)), {}
             wanted += [CaptureFrame(name, None, DARK) for name in files if name not in names]
         size = None if camera is None else tuple(camera.snapshot_shape)
-        places = {frame.name: files.get(frame.name, folder / frame.name) for frame in wanted}
-        for frame in wanted if files else ():  # all of them before any is kept
-            _, size = checked_frame(calls, frame, places[frame.name], size, saturation)
-        for done, frame in enumerate(wanted):
-            cached = frame.name in record["frames"]
-            if not cached:
-                values, size = checked_frame(calls, frame, places[frame.name], size, saturation)
-                file = files.get(frame.name)
-                source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
-                keep(values, frame, record, folder, source)
-            if progress:
-                progress(done + 1, len(wanted), f"{frame.name} (cached)" if cached else frame.name)
+        _take(calls, wanted, files, record, folder, size, saturation, progress)
         if finish:
             finish()
     return folder
+
+
+def _take(
+    calls: Calls, wanted: list[CaptureFrame], files: Mapping[str, Path], record: dict[str, Any], folder: Path,
+    size: tuple[int, ...] | None, saturation: float, progress: Progress | None,
+) -> None:  # fmt: skip
+    """Keep the frames that are not there yet; of those that are ``files`` none before all of them are checked."""
+    places = {frame.name: files.get(frame.name, folder / frame.name) for frame in wanted}
+    for frame in wanted if files else ():
+        _, size = checked_frame(calls, frame, places[frame.name], size, saturation)
+    for done, frame in enumerate(wanted, 1):
+        cached = frame.name in record["frames"]
+        if not cached:
+            values, size = checked_frame(calls, frame, places[frame.name], size, saturation)
+            file = files.get(frame.name)
+            source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
+            keep(values, frame, record, folder, source)
+        if progress:
+            progress(done, len(wanted), f"{frame.name} (cached)" if cached else frame.name)
 
 
 def units_of(device: Device, camera: Camera | None, manifest: dict[str, Any], saturation: float) -> float:
