@@ -42,10 +42,7 @@ def inspect(
     if "recording" in description["attrs"]:
         description |= _recording(file, description["attrs"])
     if conditioning:
-        from tmca.cameras import Snapshot
-        from tmca.design.measures import corner_conditioning
-
-        description["matrix"] = corner_conditioning(Snapshot.load(file).camera)
+        description["matrix"] = _conditioning(file)
     if description["kind"] == "light field":
         from tmca.applications.refocusing import disparity_seen
 
@@ -57,6 +54,13 @@ def inspect(
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
         description["figure"] = str(figure)
     say(description, json, *_lines(description))
+
+
+def _conditioning(file: Path) -> dict[str, Any]:
+    from tmca.cameras import Snapshot
+    from tmca.design.measures import corner_conditioning
+
+    return corner_conditioning(Snapshot.load(file).camera)
 
 
 def _weights(file: Path, json: bool, asked: dict[str, Any]) -> None:
