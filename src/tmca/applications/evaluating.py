@@ -97,12 +97,7 @@ def evaluation_of(
     """`evaluate` with what was compared; ``application`` is that of the estimate's file, where it is known."""
     file = isinstance(estimate, str | Path)
     where = str(estimate) if file else "estimate"
-    if isinstance(estimate, Estimate):
-        application, camera, stored = application_of(estimate.camera), estimate.camera, estimate.to_xarray()
-        parts = _parts_of_decoder(estimate)
-    else:
-        application, camera, stored = _labelled_estimate(estimate, truth, application, where, reading)
-        parts = _parts(stored)
+    application, camera, stored, parts = _labelled_estimate(estimate, truth, application, where, reading)
     if "snapshot" in stored.dims:
         several, remedy = f"{stored.sizes['snapshot']} snapshots", "take estimate.to_xarray().isel(snapshot=0), …"
         raise ShapeError(where, several, "one", remedy)
@@ -131,12 +126,14 @@ def _parts_of_decoder(estimate: Estimate) -> dict[str, np.ndarray]:
 
 def _labelled_estimate(
     estimate: Any, truth: Any, application: Application | None, where: str, reading: dict[str, Any]
-) -> tuple[Application, Any, xr.Dataset]:
-    """Application and camera of an estimate's file, or of what it holds, and the estimate with its labels.
+) -> tuple[Application, Any, xr.Dataset, dict[str, np.ndarray]]:
+    """Application and camera of an estimate, the estimate with its labels, and what it is measured by.
 
     Raises:
         SettingError, DataError: no estimate, or a damaged note in it.
     """
+    if isinstance(estimate, Estimate):
+        return application_of(estimate.camera), estimate.camera, estimate.to_xarray(), _parts_of_decoder(estimate)
     file = isinstance(estimate, str | Path)
     labelled = estimate if file else _as_dataset(estimate, truth)
     application = application or application_for(labelled)
@@ -145,7 +142,7 @@ def _labelled_estimate(
         raise DataError(where, f"only {', '.join(map(str, stored))}", "estimate, or radiance and depth")
     camera = application.camera_of(stored, where)
     noted_reading(stored.attrs, where)  # refuses a damaged note
-    return application, camera, stored
+    return application, camera, stored, _parts(stored)
 
 
 def _true_scene(
