@@ -105,10 +105,7 @@ def live(
             takers.append(opened.enter_context(Recording(record, running.camera, overwrite=overwrite, **more)).add)
         summary, failure = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
-    if failure is not None:
-        raise failure
-    if summary["interrupted"] and exposures is not None:
-        raise KeyboardInterrupt
+    _raise_what_ended(failure, summary["interrupted"] and exposures is not None)
 
 
 def _check_options(
@@ -191,6 +188,13 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
     summary |= {"seconds": round(spent, 2), "rate": round(done / spent, 2) if done else 0.0, "interrupted": interrupted}
     ms = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
     return {**summary, "ms": ms}, failure
+
+
+def _raise_what_ended(failure: TmcaError | None, too_early: bool) -> None:
+    if failure is not None:
+        raise failure
+    if too_early:
+        raise KeyboardInterrupt
 
 
 def _give(shown: Shown, takers: list[Callable[[Shown], None]], latencies: dict[str, deque[float]]) -> float:
