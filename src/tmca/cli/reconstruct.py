@@ -96,10 +96,7 @@ def reconstruct(
 def _run_all(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
     """Reconstructions one after the other, and all of them in one picture; what fails is told, and the others go on."""
     output, folder = asked.output, _folder(asked.output.out)
-    targets = [folder / job.target for job in jobs]
-    for target in targets:
-        if targets.count(target) > 1:
-            raise SettingError("snapshot", f"several for {target}", "snapshots of different names", "rename one")
+    targets = _targets(jobs, folder)
     picture = folder / "comparison.png"
     written = [file for job, target in zip(jobs, targets, strict=True) for file in job.files(target)]
     check_targets([*written, *([picture] if output.figures else [])], output.overwrite)
@@ -117,6 +114,15 @@ def _run_all(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
     if failed:
         found = f"{len(failed)} of {len(jobs)} that failed ({', '.join(failed)})"
         raise SettingError("reconstruct", found, "estimates of all", "the others are written")
+
+
+def _targets(jobs: Sequence[Reconstruction], folder: Path) -> list[Path]:
+    """Files of the estimates, each of which is one's own."""
+    targets = [folder / job.target for job in jobs]
+    for target in targets:
+        if targets.count(target) > 1:
+            raise SettingError("snapshot", f"several for {target}", "snapshots of different names", "rename one")
+    return targets
 
 
 def _folder(out: Path | None) -> Path:
