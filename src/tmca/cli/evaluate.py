@@ -54,7 +54,8 @@ def evaluate(
     from tmca.metrics import beside_constant
     from tmca.plots.style import save_figure
 
-    *files, source = str(estimate), truth, *more
+    named = [str(estimate), truth, *more]
+    files, source = named[:-1], named[-1]
     _check_files(files, figure, overwrite)
     compared: dict[str, Evaluation] = {}
     metrics: dict[str, dict[str, float]] = {}

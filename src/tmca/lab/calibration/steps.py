@@ -11,9 +11,9 @@ from typing import Any
 from tmca.cameras import Camera
 from tmca.errors import DataError
 from tmca.lab.calibration import fits, shots
+from tmca.lab.calibration.captured import Captured, Fitted, StepSettings
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import LAB_CAMERAS, lab_camera
 from tmca.lab.display.manifest import exposed_whole
