@@ -75,6 +75,7 @@ def evaluate(
 
 
 def _check_files(files: Sequence[str], figure: Path | None, overwrite: bool) -> None:
+    """Refuse an estimate that is named twice, and a picture in the place of one."""
     for file in files:
         if files.count(file) > 1:
             raise SettingError("estimate", f"{file} twice", "each once", "leave one out")
@@ -84,6 +85,7 @@ def _check_files(files: Sequence[str], figure: Path | None, overwrite: bool) -> 
 
 
 def _say_one(one: Evaluation, metrics: dict[str, float], as_json: bool) -> None:
+    """Say the metrics of a single estimate."""
     from tmca.metrics import beside_constant
 
     wide = max(map(len, metrics))

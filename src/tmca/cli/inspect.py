@@ -57,6 +57,7 @@ def inspect(
 
 
 def _conditioning(file: Path) -> dict[str, Any]:
+    """Of a snapshot: of a corner of its matrix."""
     from tmca.cameras import Snapshot
     from tmca.design.measures import corner_conditioning
 
@@ -113,6 +114,7 @@ def _kind(description: dict[str, Any]) -> str:
 
 
 def _variable(name: str, variable: dict[str, Any]) -> str:
+    """Size, type, values and unit of a variable."""
     size = " × ".join(map(str, variable["shape"])) or "one value"
     dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
     units = f", {variable['attrs']['units']}" if variable.get("attrs", {}).get("units") else ""
@@ -120,6 +122,7 @@ def _variable(name: str, variable: dict[str, Any]) -> str:
 
 
 def _matrix(corner: dict[str, Any]) -> str:
+    """What the corner of a snapshot's matrix is like."""
     return (
         f"  matrix of the first {corner['rows']} × {corner['columns']} scene pixels: {corner['shape'][0]} × "
         f"{corner['shape'][1]}, rank {corner['rank']}, condition number {corner['condition']:.4g}, coherence "

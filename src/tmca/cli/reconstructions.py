@@ -140,6 +140,7 @@ class Reconstruction:
         return Reconstructed(shown, scene, report, [*remarks, *beside_constant(metrics)])
 
     def _estimate(self) -> Estimate:
+        """What the decoder makes of the snapshot; priors go to those of several decoders that have one."""
         from tmca.decoders import decode
 
         asked = self.asked

@@ -254,6 +254,7 @@ def solve_cvx(
 
 
 def _cvxpy(solver: str) -> Any:
+    """CVXPY, where it and the solver are installed."""
     try:
         cp: Any = import_module("cvxpy")
     except ImportError as error:

@@ -91,6 +91,7 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
 
 
 def _of_channel(channel: Channel, weight: float, index: int) -> dict[str, tuple[Any, ...]]:
+    """Variables of an estimated channel."""
     about = {"source": channel.name, "weight": weight, "relative_doppler": int(channel.relative_doppler)}
     paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
     variables = {

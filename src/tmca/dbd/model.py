@@ -282,6 +282,7 @@ class Problem(Summary):
             raise ShapeError("truth", f"{len(self.truth)}", f"one for each of {len(names)} sources")
 
     def _check_finite(self) -> None:
+        """Raises SettingError for samples that are NaN or infinite, and says in which pulses."""
         bad = ~np.isfinite(self.y)
         if bad.any():
             pulses = [str(one) for one in np.flatnonzero(bad.any(axis=(0, 2)))]

@@ -147,6 +147,7 @@ def _plane(recovery: Recovery, index: int, asked: str, spread: Real | None) -> d
 
 
 def _title(recovery: Recovery, channel: Channel) -> str:
+    """Of the planes of a source."""
     title = f"{channel.name}: norm of the dual polynomial"
     if "angle" in channel.atoms.axes and len(channel):
         title += f" at the angle {channel.points[channel.strongest, 2]:.3f}"

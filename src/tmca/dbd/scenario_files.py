@@ -44,6 +44,7 @@ def read_scenario(source: str | FilePath) -> Scenario:
 
 
 def _refusal(file: FilePath, error: ValidationError) -> TmcaError:
+    """What is wrong with the description in a file."""
     first = first_problem(error)
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, TmcaError):

@@ -99,6 +99,7 @@ def simulate(
 
 
 def _check_known(known: str | None) -> None:
+    """Raises SettingError for another transmitter than may be known."""
     if known == "channel":
         remedy = "a known channel with an unknown message has no solver here"
         raise SettingError("known", "'channel'", f"one of {', '.join(KNOWN)}", remedy)
@@ -107,6 +108,7 @@ def _check_known(known: str | None) -> None:
 
 
 def _check_numbers(sizes: Mapping[str, int], seed: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
+    """Raises SettingError for numbers that are none of their kind."""
     for name, size in sizes.items():
         check_range(name, size, 1, whole=True)
     check_range("seed", seed, 0, whole=True)
@@ -125,12 +127,14 @@ def _check_limits(M: int, P: int, unknowns: int, antennas: int, counts: Sequence
 
 
 def _check_spread(ratio: Fraction, messages: str) -> None:
+    """Raises SettingError for a symbol ratio beside another spread of messages."""
     if ratio != 1 and messages != "shared":
         remedy = "leave one of them out"
         raise SettingError("symbol_ratio", f"{ratio} with {messages} messages", "messages of a pulse each", remedy)
 
 
 def _ratio(symbol_ratio: float | Fraction) -> Fraction:
+    """The symbol ratio as a fraction."""
     if not np.isfinite(float(symbol_ratio)):
         raise SettingError("symbol_ratio", f"{symbol_ratio}", _RATIOS)
     return Fraction(symbol_ratio).limit_denominator(64)

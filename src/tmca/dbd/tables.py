@@ -151,6 +151,7 @@ def _tables(recovery: Recovery, rows: list[dict[str, Any]], markdown: bool, file
 
 
 def _verdict(recovery: Recovery) -> str:
+    """What was recovered, how exactly, and how long it took, in one line."""
     noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
     return (
         f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
@@ -160,6 +161,7 @@ def _verdict(recovery: Recovery) -> str:
 
 
 def _against_truth(score: Score) -> str:
+    """How the recovery compares with the truth, in one line."""
     error = f"largest error {score.max_error:.2g} in normalised coordinates, 0 to 1"
     error = error if np.isfinite(score.max_error) else "wrong number of paths"
     return f"against the truth: {'success' if score.success else 'no success'} ({error})"

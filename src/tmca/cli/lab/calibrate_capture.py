@@ -81,6 +81,7 @@ def _say_light(shots: dict[str, Any]) -> None:
 def _capture_step(
     step: str, export: Path, driver: Any, out: Path, camera: Any, asked: Any, bench: BenchOptions
 ) -> None:
+    """Take the frames of a step, and say where they are."""
     from tmca.lab.calibration.capturing import capture_step
 
     with progress_bar(f"capture: {step}") as report:

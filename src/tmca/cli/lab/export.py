@@ -86,6 +86,7 @@ def export(
 
 
 def _draw(manifest: dict[str, Any], folder: Path) -> None:
+    """Draw the overview of an export."""
     from tmca.lab.display.export import export_figure
     from tmca.plots.style import save_figure
 

@@ -112,6 +112,7 @@ def _check_options(
     bench: BenchOptions, scene: str | None, exposures: int | None, record: Path | None, estimates: bool,
     overwrite: bool,
 ) -> None:  # fmt: skip
+    """Refuse what cannot be shown or recorded, before the bench is opened."""
     from tmca.lab.live import check_recording
 
     if exposures is not None:
@@ -191,6 +192,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
 
 
 def _raise_what_ended(failure: TmcaError | None, too_early: bool) -> None:
+    """Raise what failed, or Ctrl-C before there were as many exposures as were asked for."""
     if failure is not None:
         raise failure
     if too_early:

@@ -71,6 +71,7 @@ def register(
 
 
 def _by_blocks(captures: list[Path], prototype: Any, mask: Path, as_json: bool) -> None:
+    """Say where displaced copies of the mask explain blocks of the captures best."""
     from tmca.lab.importing import read_plane
     from tmca.lab.registering import register_mask
 

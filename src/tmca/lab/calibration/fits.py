@@ -79,6 +79,7 @@ def flat(seen: Captured) -> dict[str, Fitted]:
 
 
 def _reflectance(given: StepSettings) -> float:
+    """Of the white reference, 1 where none is given."""
     reflectance = 1.0 if given.reflectance is None else given.reflectance
     if not 0 < reflectance <= 1:
         raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")

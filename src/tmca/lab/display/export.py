@@ -150,6 +150,7 @@ def export_codes(
 
 
 def _check_asked(devices: Sequence[DeviceDescription], code_size: Size | None, sensor_size: Size | None) -> None:
+    """Raises SettingError for sizes below a pixel, or for no device or two of one plane."""
     for name, asked in (("--code-size", code_size), ("--sensor-size", sensor_size)):
         if asked is not None and min(asked) < 1:
             raise SettingError(name, f"{asked[0]}x{asked[1]}", "HEIGHTxWIDTH of one pixel or more")
