@@ -7,10 +7,10 @@ from tmca.data.depth_scenes import load_any_depth_scene
 from tmca.data.fitting import middle_of, select_bands
 from tmca.decoders.certainty import FILE, Features, calibrated, calibrations
 from tmca.lab.calibration.apply import calibrated_snapshot, measured_sensor
+from tmca.lab.calibration.captured import StepSettings
 from tmca.lab.calibration.captures import calibration_patterns
 from tmca.lab.calibration.displacement import MeasuredDispersion
 from tmca.lab.calibration.file import Calibration, find_calibration, load_calibration
-from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.pattern_image import moved
 from tmca.lab.calibration.psf import MODES, wavefront_rms
 from tmca.lab.calibration.registration import nominal_matrix

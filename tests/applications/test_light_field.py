@@ -7,7 +7,7 @@ import xarray as xr
 from tests.cli.calls import answer
 from tests.cli.refusals import refused
 from tmca.applications import application_of, evaluate, simulate
-from tmca.applications.imaging import evaluation_of
+from tmca.applications.evaluating import evaluation_of
 from tmca.cameras import LightFieldCamera, Snapshot
 from tmca.cli import main
 from tmca.data.light_field_scenes import load_light_field

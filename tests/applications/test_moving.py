@@ -7,7 +7,7 @@ from PIL import Image
 
 import tmca
 from tests.small_scenes import smooth_scene
-from tmca.applications.imaging import evaluation_of
+from tmca.applications.evaluating import evaluation_of
 from tmca.applications.moving import frames_of, moved_by
 from tmca.applications.pictures import estimate_files, estimate_pictures
 from tmca.applications.refocusing import light_field_of

@@ -11,7 +11,7 @@ from tmca.dbd import simulate, solve
 from tmca.dbd.certificate import certificate
 from tmca.dbd.channel import each_atom, no_paths
 from tmca.dbd.dual import solve_admm
-from tmca.dbd.model import SameSignals
+from tmca.dbd.identifiability import SameSignals
 
 
 def true_atoms(problem):

@@ -9,7 +9,7 @@ import pytest
 
 from tmca.dbd import Channel, Chirp, Problem, Truth, simulate, solve, waveform_source
 from tmca.dbd.doubts import _doubt, whole_doubt
-from tmca.dbd.model import LittleExplained
+from tmca.dbd.identifiability import LittleExplained
 from tmca.dbd.tables import recovery_lines
 
 PROBLEM = simulate(M=11, P=4, J=2, targets=1, paths=0, seed=1, snr_db=20, basis="gaussian")

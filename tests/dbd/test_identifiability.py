@@ -8,7 +8,7 @@ import pytest
 from tests.dbd.loops import small
 from tmca.dbd import simulate, solve
 from tmca.dbd.atoms import Atoms
-from tmca.dbd.model import ambiguities, beyond_freedom, same_signals
+from tmca.dbd.identifiability import ambiguities, beyond_freedom, same_signals
 
 
 def stacked(problem, counts, seed=0):

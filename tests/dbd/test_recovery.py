@@ -11,7 +11,7 @@ import pytest
 
 from tests.dbd.loops import noise, samples
 from tmca.dbd import Problem, Source, Truth, Units, simulate, solve, solving
-from tmca.dbd.model import LittleExplained, SameSignals, taken_one_way
+from tmca.dbd.identifiability import LittleExplained, SameSignals, taken_one_way
 from tmca.dbd.simulation import overlaid
 from tmca.errors import SettingError
 

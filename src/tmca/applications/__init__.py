@@ -1,7 +1,8 @@
 """What each camera is to the rest of the package: how its scenes are read, imaged, measured and drawn."""
 
 from tmca.applications.base import APPLICATIONS, Application, application_of
-from tmca.applications.imaging import evaluate, simulate
+from tmca.applications.evaluating import evaluate
+from tmca.applications.imaging import simulate
 from tmca.applications.light_field import LightFieldApplication
 from tmca.applications.spectral import SpectralApplication
 from tmca.applications.spectral_depth import SpectralDepthApplication

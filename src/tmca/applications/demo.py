@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from tmca.applications.base import APPLICATIONS, Columns, application_of
-from tmca.applications.imaging import evaluate, metric_notes, simulate
+from tmca.applications.evaluating import evaluate, metric_notes
+from tmca.applications.imaging import simulate
 from tmca.applications.pictures import save_picture
 from tmca.applications.report import Section, write_report
 from tmca.cameras import Camera, Snapshot, load_cameras

@@ -147,13 +147,7 @@ def point_cloud(
         _check_given({"focal": focal if known else None, **of_views})
     depth = _depth(scene, focal, of_views)
     there = np.isfinite(depth) & (depth > 0)
-    sure = None
-    if least_confidence > 0:
-        if "confidence" not in scene:
-            raise SettingError(
-                "confidence", f"{least_confidence:g}", "none: this depth has no confidence", "leave it out"
-            )
-        sure = scene["confidence"].values >= least_confidence
+    sure = _sure(scene, least_confidence)
     points, colours = points_of(depth, picture, focal, sure)
     if not len(points):
         where = str(source) if isinstance(source, str | Path) else "scene"
@@ -164,6 +158,15 @@ def point_cloud(
     if focus is not None:
         _warn_of_far(cloud, _FAR * focus)
     return cloud
+
+
+def _sure(scene: xr.Dataset, least: float) -> NDArray[np.bool_] | None:
+    """(H, W) where the depth has this confidence; None where none is asked for."""
+    if not least > 0:
+        return None
+    if "confidence" not in scene:
+        raise SettingError("confidence", f"{least:g}", "none: this depth has no confidence", "leave it out")
+    return np.asarray(scene["confidence"].values >= least)
 
 
 def _warn_of_far(cloud: PointCloud, limit: float) -> None:

@@ -17,7 +17,7 @@ from tmca.errors import SettingError
 from tmca.progress import progress_bar
 
 if TYPE_CHECKING:
-    from tmca.dbd import Problem
+    from tmca.dbd import Problem, Recovery
 
 app = App(name="dbd", help="Dual blind deconvolution: radar targets and radio paths from one overlaid signal.")
 
@@ -143,38 +143,54 @@ def solve(
             or a YAML file of such. FILE has to have delay_s and doppler_hz.
         csv: table of targets and paths with standard deviations, comma-separated.
     """
-    from dataclasses import replace
-
-    from tmca.data import write_text
     from tmca.dbd import solve as solved
-    from tmca.dbd.files import load_problem, save_recovery
-    from tmca.dbd.paths import path_csv
-    from tmca.dbd.planes import check_axes, planes
+    from tmca.dbd.planes import check_axes
     from tmca.dbd.tables import recovery_lines, recovery_values
-    from tmca.dbd.waveforms import read_waveforms
-    from tmca.plots import save_figure
-    from tmca.plots.dbd import Plane, planes_figure
 
-    waveforms: dict[str, Any] = {}
-    for one in waveform or ():
-        waveforms |= read_waveforms(one)
-    problem = load_problem(file, waveforms)
-    taken = _taken(waveforms)
+    problem, taken = _problem(file, waveform or ())
     out = out or file.with_suffix(".recovery.nc")
     figure = figure or out.with_suffix(".png")
     check_figure(figure, overwrite, file)
     check_targets([out, *([csv] if csv else [])], overwrite, file)
     check_axes(axes, problem.units)
-    if sigma is not None and unknown_noise:
-        raise SettingError("--sigma", "--unknown-noise as well", "one of them")
-    if sigma is not None or unknown_noise:
-        problem = replace(problem, sigma=None if unknown_noise else sigma)
+    problem = _with_noise(problem, sigma, unknown_noise)
     shares: Any = weights if weights in (None, "balanced") else numbers(str(weights), "--weights")
     with progress_bar(f"solve {file.name}") as progress:
         recovery = solved(
             problem, method, certify=certify, gram=gram, weights=shares, solver=solver, accuracy=accuracy,
             progress=progress,
         )  # fmt: skip
+    written = _write(recovery, out, figure, axes, csv, overwrite)
+    lines = (*taken, *recovery_lines(recovery, markdown, str(out)), written)
+    say(recovery_values(recovery), json, *lines, markdown=markdown)
+
+
+def _problem(file: Path, waveforms: Sequence[str]) -> tuple[Problem, list[str]]:
+    """Samples and bases of a file, waveforms in place of its bases, and what samples of these were taken as."""
+    from tmca.dbd import load_problem, read_waveforms
+
+    given = {name: one for text in waveforms for name, one in read_waveforms(text).items()}
+    return load_problem(file, given), _taken(given)
+
+
+def _with_noise(problem: Problem, sigma: float | None, unknown: bool) -> Problem:
+    """The problem with this noise, or an unknown one, in place of the file's, where either is asked for."""
+    from dataclasses import replace
+
+    if sigma is not None and unknown:
+        raise SettingError("--sigma", "--unknown-noise as well", "one of them")
+    return problem if sigma is None and not unknown else replace(problem, sigma=sigma)
+
+
+def _write(recovery: Recovery, out: Path, figure: Path, axes: str, csv: Path | None, overwrite: bool) -> str:
+    """Write a recovery, its picture and its table, and say where."""
+    from tmca.data import write_text
+    from tmca.dbd.files import save_recovery
+    from tmca.dbd.paths import path_csv
+    from tmca.dbd.planes import planes
+    from tmca.plots import save_figure
+    from tmca.plots.dbd import Plane, planes_figure
+
     save_recovery(recovery, out, overwrite=overwrite)
     line = f"{recovery.unexplained:.2%} of the samples' energy is unexplained"
     if recovery.doubt:
@@ -183,9 +199,7 @@ def solve(
     save_figure(drawn, figure, overwrite=overwrite)
     if csv:
         write_text(path_csv(recovery), csv, overwrite=overwrite)
-    written = ", ".join(str(one) for one in (out, csv) if one)
-    lines = (*taken, *recovery_lines(recovery, markdown, str(out)), f"wrote {written} and {figure}")
-    say(recovery_values(recovery), json, *lines, markdown=markdown)
+    return f"wrote {', '.join(str(one) for one in (out, csv) if one)} and {figure}"
 
 
 @app.command

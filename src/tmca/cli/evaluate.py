@@ -16,7 +16,7 @@ from tmca.specs import CAMERA_SPECS, TruthReading
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from tmca.applications.imaging import Evaluation
+    from tmca.applications.evaluating import Evaluation
 
 app = App(name="evaluate", help="Compare an estimate with the truth, by every metric.")
 _SCENE = TruthReading()
@@ -50,36 +50,47 @@ def evaluate(
             compared; the middle of the exposure without it.
         figure: write a picture of all with error maps and spectra (PNG).
     """
-    from tmca.applications.imaging import application_for, evaluation_of
+    from tmca.applications.evaluating import application_for, evaluation_of
     from tmca.metrics import beside_constant
     from tmca.plots.style import save_figure
 
     named = [str(estimate), truth, *more]
     files, source = named[:-1], named[-1]
+    _check_files(files, figure, overwrite)
+    compared: dict[str, Evaluation] = {}
+    metrics: dict[str, dict[str, float]] = {}
+    for file in files:
+        application = application_for(file)
+        one = evaluation_of(file, source, application, frames=frames, **reading.of(application.kind))
+        assumed(one.truth)
+        compared[file], metrics[file] = one, one.metrics | one.application.geometry(one.estimate, one.truth)
+    if figure is not None:
+        drawn = one.figure(estimate.stem) if len(files) == 1 else _together(compared)
+        save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
+    if len(files) == 1:
+        _say_one(one, metrics[file], json)
+        return
+    said = [f"{file}: {line}" for file, own in metrics.items() for line in beside_constant(own)]
+    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), *said, markdown=markdown)
+
+
+def _check_files(files: Sequence[str], figure: Path | None, overwrite: bool) -> None:
+    """Refuse an estimate that is named twice, and a picture in the place of one."""
     for file in files:
         if files.count(file) > 1:
             raise SettingError("estimate", f"{file} twice", "each once", "leave one out")
         check_figure(figure, overwrite, file)
         if figure is not None and Path(file).resolve() == figure.resolve():
             raise SettingError("figure", str(figure), "another file than the estimate")
-    found: dict[str, Evaluation] = {}
-    metrics: dict[str, dict[str, float]] = {}
-    for file in files:
-        application = application_for(file)
-        one = evaluation_of(file, source, application, frames=frames, **reading.of(application.kind))
-        assumed(one.truth)
-        found[file], metrics[file] = one, one.metrics | one.application.geometry(one.estimate, one.truth)
-    if figure is not None:
-        drawn = found[files[0]].figure(estimate.stem) if len(files) == 1 else _together(found)
-        save_figure(drawn, figure, overwrite=overwrite, dpi=110 if len(files) == 1 else 200)
-    if len(files) == 1:
-        own = metrics[files[0]]
-        wide, one = max(map(len, own)), found[files[0]]
-        lines = (f"{name:{wide}s} {value:.4f} {meaning(name)}".rstrip() for name, value in own.items())
-        say(own, json, *lines, *one.application.remarks(one.estimate), *beside_constant(own))
-        return
-    said = [f"{file}: {line}" for file, own in metrics.items() for line in beside_constant(own)]
-    say([{"estimate": file, **own} for file, own in metrics.items()], json, _table(metrics), *said, markdown=markdown)
+
+
+def _say_one(one: Evaluation, metrics: dict[str, float], as_json: bool) -> None:
+    """Say the metrics of a single estimate."""
+    from tmca.metrics import beside_constant
+
+    wide = max(map(len, metrics))
+    lines = (f"{name:{wide}s} {value:.4f} {meaning(name)}".rstrip() for name, value in metrics.items())
+    say(metrics, as_json, *lines, *one.application.remarks(one.estimate), *beside_constant(metrics))
 
 
 def _table(metrics: dict[str, dict[str, float]]) -> str:
@@ -92,7 +103,7 @@ def _table(metrics: dict[str, dict[str, float]]) -> str:
     return "\n".join([markdown_table(rows, columns), *(f"{name}: {meaning(name)[1:-1]}" for name in names)])
 
 
-def _together(found: dict[str, Evaluation]) -> Figure:
+def _together(compared: dict[str, Evaluation]) -> Figure:
     """All estimates beside the truth of the first.
 
     Raises:
@@ -100,15 +111,14 @@ def _together(found: dict[str, Evaluation]) -> Figure:
     """
     from tmca.plots.side_by_side import side_by_side, what_differs
 
-    differing = what_differs([one.estimate for one in found.values()], [one.truth for one in found.values()])
+    differing = what_differs([one.estimate for one in compared.values()], [one.truth for one in compared.values()])
     if differing:
-        shapes = ", ".join(f"{Path(file).name} {_shape(one)}" for file, one in found.items())
+        shapes = ", ".join(f"{Path(file).name} {_shape(one)}" for file, one in compared.items())
         text = f"estimates of several shapes: {shapes}" if differing == "shape" else f"they differ in {differing}"
         raise SettingError("figure", text, "estimates of one scene and kind", "leave the figure out")
-    names = _short([*found])
-    return side_by_side(
-        {(names[file], ""): one.estimate for file, one in found.items()}, next(iter(found.values())).truth
-    )
+    names = _short([*compared])
+    estimates = {(names[file], ""): one.estimate for file, one in compared.items()}
+    return side_by_side(estimates, next(iter(compared.values())).truth)
 
 
 def _shape(one: Evaluation) -> tuple[int, ...]:

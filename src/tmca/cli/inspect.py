@@ -42,10 +42,7 @@ def inspect(
     if "recording" in description["attrs"]:
         description |= _recording(file, description["attrs"])
     if conditioning:
-        from tmca.cameras import Snapshot
-        from tmca.design.measures import corner_conditioning
-
-        description["matrix"] = corner_conditioning(Snapshot.load(file).camera)
+        description["matrix"] = _conditioning(file)
     if description["kind"] == "light field":
         from tmca.applications.refocusing import disparity_seen
 
@@ -57,6 +54,14 @@ def inspect(
         picture_of(file, figure, variable=variable, overwrite=overwrite, **reading.given())
         description["figure"] = str(figure)
     say(description, json, *_lines(description))
+
+
+def _conditioning(file: Path) -> dict[str, Any]:
+    """Of a snapshot: of a corner of its matrix."""
+    from tmca.cameras import Snapshot
+    from tmca.design.measures import corner_conditioning
+
+    return corner_conditioning(Snapshot.load(file).camera)
 
 
 def _weights(file: Path, json: bool, asked: dict[str, Any]) -> None:
@@ -76,24 +81,10 @@ def _weights(file: Path, json: bool, asked: dict[str, Any]) -> None:
 
 def _lines(description: dict[str, Any]) -> list[str]:
     """The description for people: one line a subject."""
-    from tmca.data.describe import is_prior
-
-    prior = is_prior(description)
-    camera = str(description.get("attrs", {}).get("camera", ""))
-    named, variables = camera not in ("", *CAMERA_SPECS), description.get("variables", {})
-    captured = "snapshot" in variables and (named or "shutter" in variables)
-    about = str(description.get("attrs", {}).get("kind", ""))
-    kind = f"{about} prior of scene blocks".strip() if prior else about or description["kind"]
-    if captured:
-        kind = f"snapshot of a {camera} camera" if named else "snapshot"
-    lines = [f"{description['path']}: {kind} ({description['format']})"]
-    for name, variable in description.get("variables", {}).items():
-        size = " × ".join(map(str, variable["shape"])) or "one value"
-        dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
-        units = f", {variable['attrs']['units']}" if variable.get("attrs", {}).get("units") else ""
-        lines.append(f"  {name}: {size}{dims} {variable['dtype']}{_levels(variable)}{units}")
-    waves = description.get("wavelengths")
-    if waves:
+    kind = _kind(description)
+    lines = [f"{description['path']}: {kind or description['kind']} ({description['format']})"]
+    lines += [_variable(name, variable) for name, variable in description.get("variables", {}).items()]
+    if waves := description.get("wavelengths"):
         spread = f"{waves['first_nm']:.6g} to {waves['last_nm']:.6g} nm"
         lines.append(f"  wavelengths: {waves['count']} bands, {spread} (from: {waves['from']})")
     if description.get("light_field"):
@@ -103,16 +94,40 @@ def _lines(description: dict[str, Any]) -> list[str]:
     if "frames" in description:
         lines.append(f'  frames: {description["frames"]} (xarray.open_zarr(…, group="frames"), tmca view)')
     if "matrix" in description:
-        corner = description["matrix"]
-        lines.append(
-            f"  matrix of the first {corner['rows']} × {corner['columns']} scene pixels: {corner['shape'][0]} × "
-            f"{corner['shape'][1]}, rank {corner['rank']}, condition number {corner['condition']:.4g}, coherence "
-            f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
-        )
+        lines.append(_matrix(description["matrix"]))
     for key in ("scale", "note", "figure"):
-        if description.get(key) is not None and not (key == "note" and (captured or prior or about)):
+        if description.get(key) is not None and not (key == "note" and kind):
             lines.append(f"  {key}: {description[key]}")
     return lines + [f"  {key}: {value}" for key, value in description.get("attrs", {}).items()]
+
+
+def _kind(description: dict[str, Any]) -> str:
+    """What a file that tmca wrote is; empty of others."""
+    from tmca.data.describe import is_prior
+
+    attributes, variables = description.get("attrs", {}), description.get("variables", {})
+    camera, kind = str(attributes.get("camera", "")), str(attributes.get("kind", ""))
+    named = camera not in ("", *CAMERA_SPECS)
+    if "snapshot" in variables and (named or "shutter" in variables):
+        return f"snapshot of a {camera} camera" if named else "snapshot"
+    return f"{kind} prior of scene blocks".strip() if is_prior(description) else kind
+
+
+def _variable(name: str, variable: dict[str, Any]) -> str:
+    """Size, type, values and unit of a variable."""
+    size = " × ".join(map(str, variable["shape"])) or "one value"
+    dims = f" ({', '.join(variable['dims'])})" if variable.get("dims") else ""
+    units = f", {variable['attrs']['units']}" if variable.get("attrs", {}).get("units") else ""
+    return f"  {name}: {size}{dims} {variable['dtype']}{_levels(variable)}{units}"
+
+
+def _matrix(corner: dict[str, Any]) -> str:
+    """What the corner of a snapshot's matrix is like."""
+    return (
+        f"  matrix of the first {corner['rows']} × {corner['columns']} scene pixels: {corner['shape'][0]} × "
+        f"{corner['shape'][1]}, rank {corner['rank']}, condition number {corner['condition']:.4g}, coherence "
+        f"{corner['coherence']:.4g}, unseen entries {corner['dark_columns']}"
+    )
 
 
 def _light_field(about: dict[str, Any]) -> list[str]:

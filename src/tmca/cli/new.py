@@ -114,19 +114,22 @@ def _next_steps(part: Part, named: PartNames, out: Path) -> str:
     lines = [f"{file}: a {part} that works; change it", f"{test}: test it with: python -m pytest {quote(str(test))}"]
     if find_spec("pytest") is None:
         lines.append("pytest is not installed yet: pip install pytest")
-    if part == "decoder":
-        lines.append(f"try it with: tmca reconstruct SNAPSHOT.nc --decoder {quote(f'{file}:{named.Class}')}")
-    if part == "driver":
-        lines.append(f"try it with: tmca capture EXPORT --device {quote(f'{file}:{named.Class}')}")
-    if part == "camera":
-        there = "" if out == Path() else f"cd {quote(str(out))} && "
-        code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
-        lines.append(f"try it with: {there}python -c '{code}'")
-    if part == "format":
-        there = "" if out == Path() else f"cd {quote(str(out))} && "
-        code = f'import tmca, {named.module}; print(tmca.read("FILE.{named.name}"))'
-        lines.append(f"try it with: {there}python -c '{code}'")
     return "\n".join([
-        *lines, "every command knows it once your package is installed, with this in its pyproject.toml:",
+        *lines, f"try it with: {_trial(part, named, out)}",
+        "every command knows it once your package is installed, with this in its pyproject.toml:",
         f'  [project.entry-points."{_GROUPS[part]}"]', f'  {named.name} = "{place}"',
     ])  # fmt: skip
+
+
+def _trial(part: Part, named: PartNames, out: Path) -> str:
+    """The command that tries a part."""
+    by_file = quote(f"{out / f'{named.module}.py'}:{named.Class}")
+    if part == "decoder":
+        return f"tmca reconstruct SNAPSHOT.nc --decoder {by_file}"
+    if part == "driver":
+        return f"tmca capture EXPORT --device {by_file}"
+    code = f'import tmca, {named.module}; print(tmca.read("FILE.{named.name}"))'
+    if part == "camera":
+        code = f'import tmca, {named.module} as my; tmca.simulate("coffee", my.{named.Class}()).save("s.nc")'
+    there = "" if out == Path() else f"cd {quote(str(out))} && "
+    return f"{there}python -c '{code}'"

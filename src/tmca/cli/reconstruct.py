@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from tmca.cli.cameras import READING
-from tmca.cli.decoder_settings import check_dictionary, given_settings, settings_of_texts
 from tmca.cli.options.numbers import MaybeOn, MaybeWhole
-from tmca.cli.options.output import OutputOptions, check_targets, meaning, say, warned
+from tmca.cli.options.output import OutputOptions, check_targets, say, warned
+from tmca.cli.reconstructions import Reconstructed, Reconstruction, Wanted
 from tmca.errors import OutputError, SettingError, TmcaError, check_choice
-from tmca.progress import progress_bar
 from tmca.specs import CAMERA_SPECS, TruthReading
-
-if TYPE_CHECKING:
-    from tmca.decoders import Decoder, Estimate
-    from tmca.registration import Registered
 
 app = App(name="reconstruct", help="Recover the scene from a snapshot file, which says itself which camera took it.")
 _OUTPUT, _READING = OutputOptions(), TruthReading()
@@ -87,9 +81,9 @@ def reconstruct(
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
     if register is not None:
         check_choice("--register", register, ("auto",))
-    asked = _Asked(how, set_ or [], truth, prior, calibration, dictionary, device, bank, register, reading, output)
+    asked = Wanted(how, set_ or [], truth, prior, calibration, dictionary, device, bank, register, reading, output)
     several = len(names) > 1
-    jobs = [_Job.of(file, name, asked, several) for file in (snapshot, *others) for name in names]
+    jobs = [Reconstruction.of(file, name, asked, several) for file in (snapshot, *others) for name in names]
     if several:
         _check_taken(jobs, asked)
     if len(jobs) == 1:
@@ -99,213 +93,14 @@ def reconstruct(
     _run_all(jobs, asked)
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """What is asked of all reconstructions."""
-
-    how: dict[str, Any]
-    texts: list[str]
-    truth: str | None
-    prior: Path | None
-    calibration: Path | None
-    dictionary: Path | None
-    device: str | None
-    bank: Path | None
-    register: str | None
-    reading: TruthReading
-    output: OutputOptions
-    registered: dict[Path, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Done:
-    """An estimate as it is labelled, its truth, and what is told of it."""
-
-    estimate: Any
-    scene: Any
-    report: dict[str, Any]
-    remarks: list[str]
-
-    def lines(self) -> list[str]:
-        """For people."""
-        report = self.report
-        wide = max(map(len, report["metrics"]), default=0)
-        figures = (
-            f"  {name:{wide}s} {value:.4g} {meaning(name)}".rstrip() for name, value in report["metrics"].items()
-        )
-        head = f"{report['estimate']}: {report['decoder']}, {self.estimate.attrs['seconds']:.1f} s"
-        return [head, *figures, *(f"  {line}" for line in self.remarks)]
-
-
-@dataclass(frozen=True)
-class _Job:
-    """A snapshot and a decoder of it, checked before any work is done.
-
-    Args:
-        file: the snapshot's.
-        taken: what is in it.
-        decoder: name.
-        cls: class of the decoder; None of an unknown one.
-        settings: of the decoder.
-        asked: of all.
-        several: whether there are several decoders.
-        own: whether the decoder was taken because it comes with the codes.
-        placed: where the mask of ``taken`` lies, after `register`.
-    """
-
-    file: Path
-    taken: Any
-    decoder: str
-    cls: type[Decoder] | None
-    settings: dict[str, Any]
-    asked: _Asked
-    several: bool
-    own: bool = False
-    placed: Registered | None = None
-
-    @classmethod
-    def of(cls, file: Path, name: str | None, asked: _Asked, several: bool) -> _Job:
-        """One whose decoder may be the usual one of the snapshot's camera; where there are several decoders, each
-        takes of the settings those that it has."""
-        from tmca.arguments import setting_names
-        from tmca.decoders import decoders_for
-        from tmca.lab.calibration.apply import load_snapshot
-
-        taken = load_snapshot(file, asked.calibration)
-        kind, (usual, made) = taken.camera.kind, _usual(taken.camera, asked)
-        decoder, made = (name, {}) if name else (usual, made)
-        available = decoders_for(kind, moving=None)
-        chosen = available.get(decoder)
-        if asked.dictionary is not None:
-            check_dictionary(asked.dictionary, decoder, kind, available)
-        how, texts = given_settings(chosen, asked.how) | made, asked.texts
-        if several and chosen is not None:
-            how = {name: value for name, value in how.items() if name in setting_names(chosen)}
-            texts = [text for text in texts if text.partition("=")[0].strip() in setting_names(chosen)]
-        settings = how | settings_of_texts(chosen, texts)
-        return cls(file, taken, decoder, chosen, settings, asked, several, own=bool(made))
-
-    @property
-    def target(self) -> Path:
-        """File of the estimate where none is asked for."""
-        return Path(f"{self.file.stem.removesuffix('_snapshot')}_{self.decoder}.nc")
-
-    def files(self, target: Path) -> list[Path]:
-        """All that is written."""
-        from tmca.applications.pictures import estimate_files
-
-        moving = self.cls is not None and self.cls.moving
-        return estimate_files(target, self.taken.camera.kind, self.asked.output.figures, moving)
-
-    def run(self, target: Path) -> _Done:
-        """Decode, measure, write."""
-        from tmca.applications import application_of
-        from tmca.applications.imaging import metric_notes
-        from tmca.applications.pictures import estimate_pictures
-        from tmca.data.in_memory import warn_of_estimate
-        from tmca.decoders import decode
-        from tmca.metrics import beside_constant
-
-        asked, output = self.asked, self.asked.output
-        check_targets(self.files(target), output.overwrite, self.file)
-        if asked.register and self.placed is None:
-            return self._in_register().run(target)
-        scene, prior = self._scene(), asked.dictionary or asked.prior
-        if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
-            prior = None
-        with progress_bar(f"{self.decoder}: {self.file.name}") as progress:
-            how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
-            estimate = decode(self.taken, self.decoder, **how, **self.settings)
-        metrics = {} if scene is None else _metrics(estimate, scene)
-        if scene is None:
-            warn_of_estimate(estimate.values.numpy(force=True), "estimate", stacklevel=5)
-        estimate.notes |= metric_notes(metrics) | ({"registration": str(self.placed)} if self.placed else {})
-        written = [estimate.save(target, overwrite=output.overwrite)]
-        if output.figures:
-            written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=output.overwrite)
-        report = {"estimate": str(target), "decoder": estimate.decoder, "seconds": round(estimate.seconds, 2),
-                  "metrics": metrics, "files": [str(file) for file in written]}  # fmt: skip
-        shown = estimate.to_xarray()
-        remarks = [*self._own(), *self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
-        if self.placed is not None:
-            report["registered"] = str(self.placed)
-            remarks = [str(self.placed), *remarks] if self.placed.converged else remarks
-        return _Done(shown, scene, report, [*remarks, *beside_constant(metrics)])
-
-    def _in_register(self) -> _Job:
-        """With the mask where the snapshot says that it lies, the same for all decoders; as it is, with a warning,
-        where no place stands out."""
-        from tmca.registration import register
-
-        known = self.asked.registered
-        if self.file not in known:
-            with progress_bar(f"register: {self.file.name}") as progress:
-                known[self.file] = register(self.taken, self._gaussian_prior(), progress=progress)
-        return replace(self, taken=known[self.file].snapshot, placed=known[self.file])
-
-    def _gaussian_prior(self) -> Path | None:
-        """The prior that was given, if it is a Gaussian one."""
-        from tmca.priors import find_prior
-
-        prior = self.asked.prior
-        try:
-            find_prior(self.taken.camera, prior, "gaussian")
-        except SettingError:
-            return None
-        return prior
-
-    def _own(self) -> list[str]:
-        """That the decoder was chosen by the codes, where it was."""
-        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse has a standard deviation beside it"
-        return [said] if self.own else []
-
-    def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
-        """What the estimate leaves of the snapshot, in words and in the report; nothing where it cannot be imaged."""
-        from tmca.decoders import misfit_of
-
-        try:
-            unexplained = misfit_of(estimate, self.taken.values)
-        except TmcaError:
-            return []
-        if unexplained.doubtful:
-            warned(f"{self.file.name}: {unexplained.in_words()}: {unexplained.causes}")
-        report |= {"left_of_snapshot": unexplained.left, "noise_of_snapshot": unexplained.noise}
-        return [unexplained.in_words()]
-
-    def _scene(self) -> Any:
-        """The truth, brought to the camera; None where none is given."""
-        from tmca.applications import application_of
-        from tmca.data.scene_names import compare_scene
-
-        truth, taken = self.asked.truth, self.taken
-        application = application_of(taken.camera)
-        how = self.asked.reading.of(application.kind)
-        if truth is None:
-            return None
-        scene = application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
-        compare_scene(taken.notes, truth)
-        return scene
-
-
-def _metrics(estimate: Any, scene: Any) -> dict[str, float]:
-    """Of the scene, and of the geometry that it shows."""
-    from tmca.applications.imaging import evaluation_of
-
-    one = evaluation_of(estimate, scene)
-    return one.metrics | one.application.geometry(one.estimate, one.truth)
-
-
-def _run_all(jobs: Sequence[_Job], asked: _Asked) -> None:
+def _run_all(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
     """Reconstructions one after the other, and all of them in one picture; what fails is told, and the others go on."""
     output, folder = asked.output, _folder(asked.output.out)
-    targets = [folder / job.target for job in jobs]
-    for target in targets:
-        if targets.count(target) > 1:
-            raise SettingError("snapshot", f"several for {target}", "snapshots of different names", "rename one")
+    targets = _targets(jobs, folder)
     picture = folder / "comparison.png"
     written = [file for job, target in zip(jobs, targets, strict=True) for file in job.files(target)]
     check_targets([*written, *([picture] if output.figures else [])], output.overwrite)
-    done, failed = dict[tuple[str, str], _Done](), list[str]()
+    done, failed = dict[tuple[str, str], Reconstructed](), list[str]()
     for job, target in zip(jobs, targets, strict=True):
         try:
             done[job.file.stem.removesuffix("_snapshot"), job.decoder] = job.run(target)
@@ -321,6 +116,15 @@ def _run_all(jobs: Sequence[_Job], asked: _Asked) -> None:
         raise SettingError("reconstruct", found, "estimates of all", "the others are written")
 
 
+def _targets(jobs: Sequence[Reconstruction], folder: Path) -> list[Path]:
+    """Files of the estimates, each of which is one's own."""
+    targets = [folder / job.target for job in jobs]
+    for target in targets:
+        if targets.count(target) > 1:
+            raise SettingError("snapshot", f"several for {target}", "snapshots of different names", "rename one")
+    return targets
+
+
 def _folder(out: Path | None) -> Path:
     """Where several estimates go: a folder, made if it is not there."""
     from tmca.data import make_folder
@@ -333,7 +137,7 @@ def _folder(out: Path | None) -> Path:
     return out
 
 
-def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool) -> list[str]:
+def _compared(done: dict[tuple[str, str], Reconstructed], picture: Path, overwrite: bool) -> list[str]:
     """Draw all estimates side by side where they and their truths fit together; what is said of it."""
     from tmca.plots.side_by_side import side_by_side, what_differs
     from tmca.plots.style import save_figure
@@ -352,23 +156,7 @@ def _compared(done: dict[tuple[str, str], _Done], picture: Path, overwrite: bool
     return [f"{save_figure(figure, picture, overwrite=overwrite, dpi=200)}: all side by side"]
 
 
-def _usual(camera: Any, asked: _Asked) -> tuple[str, dict[str, Any]]:
-    """Decoder where none is named, and its settings: one that was made for the camera, if it knows what is asked."""
-    from tmca.applications import application_of
-    from tmca.decoders import usual_for
-
-    if asked.how["weights"]:
-        return "network", {}
-    if asked.dictionary:
-        return "dictionary", {}
-    given = [option for option, value in asked.how.items() if value not in (None, False)]
-    given += [text.partition("=")[0].strip() for text in asked.texts]
-    alone = not (asked.prior or asked.bank or asked.register)
-    name, settings = usual_for(camera, given) if alone else ("", dict[str, Any]())
-    return (name, settings) if settings else (application_of(camera.kind).default_decoder, {})
-
-
-def _check_taken(jobs: Sequence[_Job], asked: _Asked) -> None:
+def _check_taken(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
     """Raises SettingError for a setting that none of several decoders has."""
     from tmca.arguments import setting_names
 

@@ -296,13 +296,8 @@ def _learned(choice: CameraChoice) -> dict[str, str]:
     return {} if choice.name is None else {"weights": choice.name}
 
 
-def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
-    """Write a snapshot with its pictures, and say what it is and how to go on."""
-    from tmca.applications.pictures import snapshot_pictures
-
-    written = [taken.save(target, overwrite=output.overwrite)]
-    if output.figures:
-        written += snapshot_pictures(taken, target, overwrite=output.overwrite)
+def _report(taken: Any, target: Path, about: dict[str, Any], written: Sequence[Path]) -> dict[str, Any]:
+    """Of a snapshot, for programmes."""
     report: dict[str, Any] = {
         "snapshot": str(target),
         "size": list(taken.camera.snapshot_shape[1:]),
@@ -315,10 +310,18 @@ def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any
         "codes_date": taken.notes["codes_date"],
         "files": [str(file) for file in written],
     }
-    buckets = ""
-    if taken.camera.buckets > 1:
-        report["buckets"] = taken.camera.buckets
-        buckets = f", {taken.camera.buckets} buckets"
+    return report | ({"buckets": taken.camera.buckets} if taken.camera.buckets > 1 else {})
+
+
+def _write(taken: Any, target: Path, output: OutputOptions, about: dict[str, Any], channels: str) -> None:
+    """Write a snapshot with its pictures, and say what it is and how to go on."""
+    from tmca.applications.pictures import snapshot_pictures
+
+    written = [taken.save(target, overwrite=output.overwrite)]
+    if output.figures:
+        written += snapshot_pictures(taken, target, overwrite=output.overwrite)
+    report = _report(taken, target, about, written)
+    buckets = f", {report['buckets']} buckets" if "buckets" in report else ""
     lines = [f"{target}: {report['size'][0]}×{report['size'][1]} pixels, {channels}, K = {report['slots']}{buckets}"]
     lines += [f"taken with faults that decoders do not know: {report['hardware']}"] if report["hardware"] else []
     how = " -d admm-tv" if getattr(taken.camera, "blurred", False) and "weights" not in about else ""

@@ -22,7 +22,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tmca.dbd.channel import Channel
     from tmca.dbd.files import load_problem, save_problem, save_recovery
-    from tmca.dbd.model import Problem, Source, Truth, Units, beyond_freedom
+    from tmca.dbd.identifiability import beyond_freedom
+    from tmca.dbd.model import Problem, Source, Truth, Units
     from tmca.dbd.noise import true_bounds
     from tmca.dbd.planes import delay_doppler_planes
     from tmca.dbd.recordings import read_recording
@@ -46,7 +47,8 @@ if TYPE_CHECKING:
 _HOMES = {
     "channel": ("Channel",),
     "files": ("load_problem", "save_problem", "save_recovery"),
-    "model": ("Problem", "Source", "Truth", "Units", "beyond_freedom"),
+    "identifiability": ("beyond_freedom",),
+    "model": ("Problem", "Source", "Truth", "Units"),
     "noise": ("true_bounds",),
     "planes": ("delay_doppler_planes",),
     "recordings": ("read_recording",),

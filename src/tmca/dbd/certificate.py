@@ -64,15 +64,11 @@ def certificate(channels: Sequence[Channel]) -> Certificate:
         return Certificate("refuted", np.inf, "no polynomial takes these values at these atoms")
     coordinates: Real = np.zeros(free.shape[1])
     cuts: list[tuple[Atoms, Real]] = []
-    level, samples = np.inf, start.size // 2
+    samples = start.size // 2
     for _ in range(_ROUNDS):
         both = start + free @ coordinates
         q = (both[:samples] + 1j * both[samples:]).reshape(channels[0].atoms.shape)
-        broken, level = [], 0.0
-        for one in channels:
-            points, levels = Polynomial(one.atoms, q).peaks(0.5, _GRID, _PEAKS)
-            level = max(level, float(levels.max(initial=0.0)))
-            broken += [(one.atoms, x) for x in points[levels > 1 + TOLERANCE]]
+        broken, level = _broken(channels, q)
         if not broken:
             return _certified(channels, level, q)
         if samples > _LARGEST:
@@ -84,6 +80,16 @@ def certificate(channels: Sequence[Channel]) -> Certificate:
             return Certificate(status, level, reason, q)
         coordinates = solution
     return Certificate("undecided", level, f"{_ROUNDS} rounds were not enough", q)
+
+
+def _broken(channels: Sequence[Channel], q: Complex) -> tuple[list[tuple[Atoms, Real]], float]:
+    """Where the polynomials of a dual variable exceed their bounds, and the largest share of a bound."""
+    broken, level = [], 0.0
+    for one in channels:
+        points, levels = Polynomial(one.atoms, q).peaks(0.5, _GRID, _PEAKS)
+        level = max(level, float(levels.max(initial=0.0)))
+        broken += [(one.atoms, x) for x in points[levels > 1 + TOLERANCE]]
+    return broken, level
 
 
 def _certified(channels: Sequence[Channel], level: float, q: Complex) -> Certificate:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from tmca.dbd.model import Complex, Problem, Real, Source
+from tmca.dbd.model import Complex, Problem, Real, Source, Whole
 from tmca.errors import SettingError, TmcaError
 
 _CHECK = 25
@@ -67,10 +67,8 @@ class Gram:
         self.entries = csr_array((values, ((rows * self.size + place[:, None]).reshape(-1), samples)), shape=shape_)
         """The coefficients of the polynomial, flattened, for each unit vector in the place of q."""
 
-        places, lags = np.indices(lattice).reshape(3, -1), np.zeros((self.size, self.size), np.int64)
-        for one, extent in zip(places, lattice, strict=True):
-            lags = lags * (2 * extent - 1) + (one[None, :] - one[:, None] + extent - 1)
-        self.lags, self.lag_sizes = lags, np.bincount(lags.reshape(-1)).astype(float)
+        self.lags = _lags(lattice)
+        self.lag_sizes = np.bincount(self.lags.reshape(-1)).astype(float)
         """Numbers of the steps between two places, and how many pairs are each step apart."""
 
         diagonal = np.repeat([1 / self.size, self.bound**2], [self.size, self.unknowns])
@@ -110,6 +108,15 @@ class Gram:
         self.affine, self.before = matrix, self.slack
         self.slack, self.negative = positive_part(target, self.negative <= len(target) // 2)
         self.multiplier = self.multiplier + self.slack - relaxed
+
+
+def _lags(lattice: tuple[int, ...]) -> Whole:
+    """``(size, size)``, a number for the step from every place of a lattice to every other."""
+    places = np.indices(lattice).reshape(3, -1)
+    lags = np.zeros((places.shape[1], places.shape[1]), np.int64)
+    for one, extent in zip(places, lattice, strict=True):
+        lags = lags * (2 * extent - 1) + (one[None, :] - one[:, None] + extent - 1)
+    return lags
 
 
 def positive_part(matrix: Complex, few_negative: bool) -> tuple[Complex, int]:
@@ -152,14 +159,7 @@ def solve_admm(
     y, step, worst, stopped = problem.y.reshape(-1), 0.05, np.inf, False
     power = _power(parts, y, level)
     for done in range(1, iterations + 1):
-        sums = [one.slack + one.multiplier for one in parts]
-        pulled = sum(one.adjoint(total[one.size :, : one.size]) for one, total in zip(parts, sums, strict=True))
-        q = (y / (2 * step) + pulled) / (power + level / (2 * step))
-        corners = [total[: one.size, : one.size] for one, total in zip(parts, sums, strict=True)]
-        if gram == "shared":
-            corners = [np.mean(corners, axis=0)] * len(parts)
-        for one, corner in zip(parts, corners, strict=True):
-            one.iterate(corner, q)
+        q = _iterated(parts, y / (2 * step), power + level / (2 * step), gram)
         if progress is not None:
             progress(done / iterations, detail=f"residual {worst:.1e}, at most {iterations} iterations")
         if done % _CHECK:
@@ -169,13 +169,31 @@ def solve_admm(
         stopped = stop is not None and stop(q.reshape(problem.shape))
         if worst < tolerance or stopped:
             break
-        if done < 0.6 * iterations:  # keeps the two residuals within a factor of five
-            factor = 2.0 if primal > 5 * dual else 0.5 if dual > 5 * primal else 1.0
-            step *= factor
-            for one in parts:
-                one.multiplier = one.multiplier / factor
+        if done < 0.6 * iterations:
+            step = _balanced(parts, step, primal, dual)
     value = float(np.real(np.vdot(q, y)) - level / 2 * np.linalg.norm(q) ** 2)
     return DualSolution(q.reshape(problem.shape), value, done, float(worst), bool(worst < tolerance), stopped)
+
+
+def _iterated(parts: list[Gram], pull: Complex, power: Real, gram: str) -> Complex:
+    """One iteration of every source's matrices from the best dual variable for those there are, which is returned."""
+    sums = [one.slack + one.multiplier for one in parts]
+    pulled = sum(one.adjoint(total[one.size :, : one.size]) for one, total in zip(parts, sums, strict=True))
+    q = (pull + pulled) / power
+    corners = [total[: one.size, : one.size] for one, total in zip(parts, sums, strict=True)]
+    if gram == "shared":
+        corners = [np.mean(corners, axis=0)] * len(parts)
+    for one, corner in zip(parts, corners, strict=True):
+        one.iterate(corner, q)
+    return q
+
+
+def _balanced(parts: list[Gram], step: float, primal: float, dual: float) -> float:
+    """The step, and with it the multipliers, that keep the two residuals within a factor of five."""
+    factor = 2.0 if primal > 5 * dual else 0.5 if dual > 5 * primal else 1.0
+    for one in parts:
+        one.multiplier = one.multiplier / factor
+    return step * factor
 
 
 def _power(parts: list[Gram], y: Complex, level: float) -> Real:
@@ -217,26 +235,12 @@ def solve_cvx(
     Raises:
         TmcaError: CVXPY or its solver is missing, or found no solution.
     """
-    try:
-        cp: Any = import_module("cvxpy")
-    except ImportError as error:
-        raise TmcaError("method=cvxpy", "no CVXPY", "it installed", 'pip install "tmca[dbd]"') from error
-    if solver not in cp.installed_solvers():
-        raise TmcaError("solver", f"{solver!r}", f"one of {', '.join(cp.installed_solvers())}", "CLARABEL or SCS")
+    cp = _cvxpy(solver)
     q = cp.Variable(problem.y.size, complex=True)
-    constraints: list[Any] = []
-    corner = None
-    for part in (Gram(source, problem.shape) for source in problem.sources):
-        if corner is None or gram != "shared":
-            corner, traces = _unit_gram(part, cp)
-            constraints.append(traces)
-        coefficients = cp.reshape(part.entries @ q, (part.unknowns, part.size), order="C")
-        bound = part.bound**2 * np.eye(part.unknowns)
-        constraints.append(cp.bmat([[corner, coefficients.H], [coefficients, bound]]) >> 0)
     objective = cp.real(cp.sum(cp.multiply(np.conj(problem.y.reshape(-1)), q)))
     if level:
         objective = objective - level / 2 * cp.sum_squares(cp.hstack([cp.real(q), cp.imag(q)]))
-    programme = cp.Problem(cp.Maximize(objective), constraints)
+    programme = cp.Problem(cp.Maximize(objective), _inequalities(problem, q, gram, cp))
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Solution may be inaccurate")  # atoms are fitted to the samples afterwards
         try:
@@ -247,6 +251,31 @@ def solve_cvx(
     if q.value is None:
         raise TmcaError(f"CVXPY with {solver}", f"status {programme.status}", "a solution", "use method=sfw")
     return DualSolution(q.value.reshape(problem.shape), float(programme.value))
+
+
+def _cvxpy(solver: str) -> Any:
+    """CVXPY, where it and the solver are installed."""
+    try:
+        cp: Any = import_module("cvxpy")
+    except ImportError as error:
+        raise TmcaError("method=cvxpy", "no CVXPY", "it installed", 'pip install "tmca[dbd]"') from error
+    if solver not in cp.installed_solvers():
+        raise TmcaError("solver", f"{solver!r}", f"one of {', '.join(cp.installed_solvers())}", "CLARABEL or SCS")
+    return cp
+
+
+def _inequalities(problem: Problem, q: Any, gram: str, cp: Any) -> list[Any]:
+    """The matrix inequality of every source, and the traces of its Gram matrix, or of the first one's if shared."""
+    constraints: list[Any] = []
+    corner = None
+    for part in (Gram(source, problem.shape) for source in problem.sources):
+        if corner is None or gram != "shared":
+            corner, traces = _unit_gram(part, cp)
+            constraints.append(traces)
+        coefficients = cp.reshape(part.entries @ q, (part.unknowns, part.size), order="C")
+        bound = part.bound**2 * np.eye(part.unknowns)
+        constraints.append(cp.bmat([[corner, coefficients.H], [coefficients, bound]]) >> 0)
+    return constraints
 
 
 def _unit_gram(part: Gram, cp: Any) -> tuple[Any, Any]:

@@ -22,6 +22,7 @@ from tmca.data.files import SUFFIXES
 from tmca.data.formats.arrays import npz_heads
 from tmca.data.formats.limits import check_bytes
 from tmca.data.formats.stored import whole_file
+from tmca.dbd.channel import Channel
 from tmca.dbd.model import AXES, LONGEST_NAME, Complex, Problem, Source, Truth, Units
 from tmca.dbd.planes import delay_doppler_planes
 from tmca.dbd.recordings import DATA, META
@@ -76,18 +77,7 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
         "q": _parts(("antenna", "pulse", "frequency"), recovery.q, "dual variable, whose polynomials show paths")
     }
     for index, (source, given) in enumerate(zip(recovery.sources, recovery.problem.sources, strict=True)):
-        about = {"source": source.name, "weight": given.weight, "relative_doppler": int(source.relative_doppler)}
-        paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
-        variables[f"points_{index}"] = ((*paths, "axis"), source.points, _about(_POINTS, about))
-        variables[f"amplitudes_{index}"] = _parts(paths, source.amplitudes, "gains of the paths", about)
-        variables[f"waveform_{index}"] = _parts(coefficient, source.waveform, _WAVEFORM, about)
-        variables[f"signal_{index}"] = _parts(("pulse", "frequency"), source.signal, "signal that was sent", about)
-        if source.bounds is not None:
-            variables[f"bounds_{index}"] = (
-                (*paths, "axis"),
-                source.bounds,
-                _about(f"standard deviation of {_POINTS}", about),
-            )
+        variables |= _of_channel(source, given.weight, index)
     for index, (name, planes) in enumerate(delay_doppler_planes(recovery).items()):
         for kind, plane in planes.items():
             dims = [f"{dim}_{kind}_{index}" for dim in map(str, plane.dims)]
@@ -98,6 +88,22 @@ def save_recovery(recovery: Recovery, path: str | Path, *, overwrite: bool = Fal
     about |= {"certificate": recovery.certificate_status, "sigma": recovery.sigma}
     about |= {"unexplained": recovery.unexplained, "doubt": recovery.doubt}
     return _written(variables, about, recovery.problem, path, overwrite)
+
+
+def _of_channel(channel: Channel, weight: float, index: int) -> dict[str, tuple[Any, ...]]:
+    """Variables of an estimated channel."""
+    about = {"source": channel.name, "weight": weight, "relative_doppler": int(channel.relative_doppler)}
+    paths, coefficient = (f"path_{index}",), (f"coefficient_{index}",)
+    variables = {
+        f"points_{index}": ((*paths, "axis"), channel.points, _about(_POINTS, about)),
+        f"amplitudes_{index}": _parts(paths, channel.amplitudes, "gains of the paths", about),
+        f"waveform_{index}": _parts(coefficient, channel.waveform, _WAVEFORM, about),
+        f"signal_{index}": _parts(("pulse", "frequency"), channel.signal, "signal that was sent", about),
+    }
+    if channel.bounds is not None:
+        spread = _about(f"standard deviation of {_POINTS}", about)
+        variables[f"bounds_{index}"] = ((*paths, "axis"), channel.bounds, spread)
+    return variables
 
 
 def _extents(plane: Any) -> dict[str, Any]:
@@ -287,15 +293,19 @@ def _check_transposed(y: Any, name: str, rows: Any) -> None:
         raise ShapeError("y", f"shape {y.shape}", expected, "transposed?")
 
 
-def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> Problem:
+def _single_numbers(arrays: Mapping[str, Any]) -> dict[str, float]:
+    """Noise, units and weights; DataError for arrays that are no numbers, or none of these."""
     single = [name for name in arrays if name in _NPZ[1:] or name.startswith("weight_")]
     for name, value in arrays.items():
         if value.dtype.kind not in "iufc":
             raise DataError(name, f"{value.dtype}", "numbers")
         if name in single and (value.size != 1 or value.dtype.kind == "c"):
             raise DataError(name, f"{value.dtype} of shape {value.shape}", "one number")
-    numbers = {name: float(arrays[name].reshape(())) for name in single}
-    y, sources = arrays["y"], []
+    return {name: float(arrays[name].reshape(())) for name in single}
+
+
+def _from_arrays(arrays: dict[str, Any], waveforms: Mapping[str, Waveform]) -> Problem:
+    y, sources, numbers = arrays["y"], [], _single_numbers(arrays)
     for name in (one.removeprefix("basis_") for one in arrays if one.startswith("basis_")):
         rows = arrays[f"basis_{name}"]
         if y.ndim < 2 and rows.ndim < 3:

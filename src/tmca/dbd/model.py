@@ -1,4 +1,4 @@
-"""What a receiver has: overlaid samples and what is known of their sources; and what these cannot tell.
+"""What a receiver has: overlaid samples and what is known of their sources.
 
 Delays, Dopplers and angles are normalised: on a torus, where they wrap around at 1; :class:`Units` makes metres, metres
 a second and degrees of them.
@@ -6,10 +6,8 @@ a second and degrees of them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,10 +111,6 @@ class Units:
             return np.rad2deg(deviations / (self.spacing * cosine))
 
 
-_NEAR_RADAR = 0.75
-"""How like ``radar`` a name is that may be a misspelt one; ``radio`` is less."""
-
-
 def is_radar(name: str) -> bool:
     """Whether the delays of a source are there and back."""
     return name.startswith("radar")
@@ -158,17 +152,21 @@ class Source:
             raise SettingError(f"messages of {self.name}", f"{message.tolist()}", expected)
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "message", message.astype(np.int64))
-        for one in range(self.messages):  # coefficients that do not show in the signal cannot be estimated
-            heard = rows[message == one].reshape(-1, self.subspace)
+        self._check_rank(where)
+        if self.weight is None:
+            power = np.abs(rows) ** 2
+            object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
+        check_range(f"weight of {self.name}", self.weight, above=0)
+
+    def _check_rank(self, where: str) -> None:
+        """Raises SettingError for coefficients that do not show in the signal, as they cannot be estimated."""
+        for one in range(self.messages):
+            heard = self.rows[self.message == one].reshape(-1, self.subspace)
             rank = int(np.linalg.matrix_rank(heard))
             if rank < self.subspace:
                 which = f"{where}, message {one}" if self.messages > 1 else where
                 remedy = "drop the columns that depend on others"
                 raise SettingError(which, f"rank {rank} of {self.subspace} columns", "full column rank", remedy)
-        if self.weight is None:
-            power = np.abs(rows) ** 2
-            object.__setattr__(self, "weight", float(np.sqrt(np.mean(power[power > 0]))))
-        check_range(f"weight of {self.name}", self.weight, above=0)
 
     @property
     def messages(self) -> int:
@@ -277,16 +275,21 @@ class Problem(Summary):
             remedy = "transposed?" if turned else "y and the bases have to be of the same pulses"
             raise ShapeError("y", f"shape {y.shape}", expected, remedy)
         object.__setattr__(self, "y", y.reshape(shape))
-        bad = ~np.isfinite(self.y)
-        if bad.any():
-            pulses = [str(one) for one in np.flatnonzero(bad.any(axis=(0, 2)))]
-            which = f"{', '.join(pulses[:_LISTED])}{' …' * (len(pulses) > _LISTED)} of 0 to {size[0] - 1}"
-            found = f"{int(bad.sum())} of {y.size} samples NaN or infinite, in pulse{'s'[: len(pulses) != 1]} {which}"
-            raise SettingError("y", found, "finite samples", "drop the pulses")
+        self._check_finite()
         if self.sigma is not None:
             check_range("sigma", self.sigma, 0)
         if self.truth is not None and len(self.truth) != len(names):
             raise ShapeError("truth", f"{len(self.truth)}", f"one for each of {len(names)} sources")
+
+    def _check_finite(self) -> None:
+        """Raises SettingError for samples that are NaN or infinite, and says in which pulses."""
+        bad = ~np.isfinite(self.y)
+        if bad.any():
+            pulses = [str(one) for one in np.flatnonzero(bad.any(axis=(0, 2)))]
+            which = f"{', '.join(pulses[:_LISTED])}{' …' * (len(pulses) > _LISTED)} of 0 to {self.shape[1] - 1}"
+            plural = "s" if len(pulses) != 1 else ""
+            found = f"{int(bad.sum())} of {bad.size} samples NaN or infinite, in pulse{plural} {which}"
+            raise SettingError("y", found, "finite samples", "drop the pulses")
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -310,77 +313,3 @@ class Problem(Summary):
 
     def _picture(self) -> Figure:
         return self.plot()
-
-
-class BeyondFreedom(UserWarning):
-    """More lifted unknowns than samples."""
-
-
-class SameSignals(UserWarning):
-    """Whatever one source sends, another can send too."""
-
-
-class LittleExplained(UserWarning):
-    """Paths that leave most of the samples unexplained."""
-
-
-class OneWay(UserWarning):
-    """A source whose name is nearly that of a radar is taken one way."""
-
-
-def taken_one_way(problem: Problem) -> list[str]:
-    """The sources whose names may be a misspelt ``radar``, whose delays then are not there and back."""
-    from difflib import get_close_matches
-
-    return [
-        f"{one.name} is taken one way, as a path of a transmitter; did you mean radar?"
-        for one in problem.sources
-        if not is_radar(one.name) and get_close_matches(one.name.lower(), ["radar"], 1, _NEAR_RADAR)
-    ]
-
-
-def beyond_freedom(problem: Problem, paths: Sequence[int]) -> str | None:
-    """Why no convex method can succeed with so many paths, or None.
-
-    The lifted problem has L J + Q J P complex unknowns for a radar and ``block`` messages (with the Doppler absorbed,
-    every path needs its own J P coefficients; the sample bound of thesis equation 87 misses the factor P).
-    """
-    unknowns = sum(count * source.unknowns for count, source in zip(paths, problem.sources, strict=True))
-    samples = problem.y.size
-    if unknowns <= samples:
-        return None
-    parts = " + ".join(f"{n} x {one.unknowns}" for n, one in zip(paths, problem.sources, strict=True))
-    return (
-        f"{parts} = {unknowns} lifted unknowns exceed {samples} samples: convex methods cannot succeed; "
-        "take more frequencies, fewer coefficients or messages that pulses share"
-    )
-
-
-def same_signals(problem: Problem) -> tuple[str, ...]:
-    """Pairs of sources one of which can send all that the other can, a sentence each."""
-    from scipy.linalg import subspace_angles
-
-    spaces = {  # all signals a source can send, as columns (P M, G J)
-        one.name: one.signal(np.eye(one.unknowns, dtype=complex)).reshape(one.unknowns, -1).T for one in problem.sources
-    }
-    return tuple(
-        f"{one} and {other} can send the same signals: any path may be of either"
-        for one, other in combinations(spaces, 2)
-        if float(subspace_angles(spaces[one], spaces[other]).max()) < 1e-7
-    )
-
-
-def ambiguities(problem: Problem) -> tuple[str, ...]:
-    """What is undetermined in principle, a sentence each."""
-    absorbed = (
-        f"{source.name}: messages of their own in every pulse absorb the absolute Doppler; "
-        "Dopplers are relative to each other, and waveforms known up to a phase ramp over the pulses"
-        for source in problem.sources
-        if not source.sees_doppler and problem.shape[1] > 1
-    )
-    return (
-        "the scale and phase of each waveform trade against its gains",
-        *absorbed,
-        *same_signals(problem),
-        "an unknown lag of a source's clock adds to all its delays, an unknown frequency offset to its Dopplers",
-    )

@@ -12,7 +12,7 @@ import numpy as np
 
 from tmca.dbd.atoms import Atoms, Polynomial
 from tmca.dbd.channel import Channel, Channels, fit, no_paths, normal_equations, paths, residual
-from tmca.dbd.model import Complex, Problem, Real, distance
+from tmca.dbd.model import Complex, Problem, Real, Whole, distance
 from tmca.errors import SettingError
 
 _QUANTILE = 0.95
@@ -152,26 +152,36 @@ def covariances(
     sizes[sizes == 0] = 1  # no rank depends on anybody's units
     fisher = 2 / sigma**2 * curvature / np.outer(sizes, sizes)
     ends = np.cumsum([one.positions.size for one in channels])
+    starts = ends - [one.positions.size for one in channels]
     nuisance = np.arange(len(fisher) - ends[-1])
-    fixed = []  # columns of Dopplers that others count from
-    for one, path, end in zip(channels, references or [None] * len(channels), ends, strict=True):
-        if one.relative_axis is not None and len(one):
-            start = end - one.positions.size + one.relative_axis
-            fixed.append(start + (one.strongest if path is None else path) * one.positions.shape[1])
-    free = np.setdiff1d(np.arange(ends[-1]), fixed)
+    free = np.setdiff1d(np.arange(ends[-1]), _counted_from(channels, references, starts))
     columns = len(nuisance) + free
     cross = fisher[np.ix_(columns, nuisance)]
     within = np.linalg.pinv(fisher[np.ix_(nuisance, nuisance)], rcond=1e-9)
-    information = fisher[np.ix_(columns, columns)] - cross @ within @ cross.T
+    inverse = _inverse(fisher[np.ix_(columns, columns)] - cross @ within @ cross.T, 1e-11 * 2 / sigma**2)
+    every = np.zeros((ends[-1], ends[-1]))
+    every[np.ix_(free, free)] = inverse / np.outer(sizes[columns], sizes[columns])
+    return [_of_paths(every, start, *one.positions.shape) for one, start in zip(channels, starts, strict=True)]
+
+
+def _counted_from(channels: Sequence[Channel], references: Sequence[int | None] | None, starts: Whole) -> list[int]:
+    """The columns of the Dopplers that others of their sources count from."""
+    columns = []
+    for one, path, start in zip(channels, references or [None] * len(channels), starts, strict=True):
+        if one.relative_axis is not None and len(one):
+            reference = one.strongest if path is None else path
+            columns.append(start + one.relative_axis + reference * one.positions.shape[1])
+    return columns
+
+
+def _inverse(information: Real, least: float) -> Real:
+    """The inverse in directions of more than the least information; infinite variances of others."""
     values, vectors = np.linalg.eigh(information)
-    certain = values > 1e-11 * 2 / sigma**2
+    certain = values > least
     inverse = vectors[:, certain] / values[certain] @ vectors[:, certain].T
     unseen = np.flatnonzero((vectors[:, ~certain] ** 2).sum(axis=1) > 1e-8)  # a direction that no sample tells
     inverse[unseen, unseen] = np.inf
-    every = np.zeros((ends[-1], ends[-1]))
-    every[np.ix_(free, free)] = inverse / np.outer(sizes[columns], sizes[columns])
-    starts = zip(channels, ends - [one.positions.size for one in channels], strict=True)
-    return [_of_paths(every, start, *one.positions.shape) for one, start in starts]
+    return inverse
 
 
 def _of_paths(covariance: Real, start: int, count: int, axes: int) -> Real:

@@ -131,42 +131,47 @@ def _plane(recovery: Recovery, index: int, asked: str, spread: Real | None) -> d
     problem, channel = recovery.problem, recovery.sources[index]
     norms, axes = dual_polynomial(recovery, index)
     matched, over = matched_filter(recovery, index)
-    title = f"{channel.name}: norm of the dual polynomial"
-    if "angle" in channel.atoms.axes and len(channel):
-        title += f" at the angle {channel.points[channel.strongest, 2]:.3f}"
-    if recovery.sigma == 0 and not recovery.certified:
-        title += ", no certificate"
-    scales = {axis: _scale(axis, channel.name, problem.units, asked) for axis in {*axes, *over}}
-
-    def shown(points: Real, columns: list[int]) -> Real:
-        """``(n, 1 or 2)`` in units of the picture; Dopplers are of −½ to ½."""
-        values = [points[:, axis] if axis == 0 else np.nan_to_num(centred(points[:, axis])) for axis in columns]
-        return np.stack([one * scales[axis].factor for one, axis in zip(values, columns, strict=True)], axis=-1)
-
-    def edges(values: Real, columns: list[int]) -> list[Real]:
-        pairs = zip(values.shape, columns, strict=True)
-        return [scales[axis].factor * np.append(_places(size, axis), 0.5 if axis else 1.0) for size, axis in pairs]
-
-    truth = None if problem.truth is None else problem.truth[index].points
+    scales = {axis: _scale(axis, channel.name, problem.units, asked) for axis in axes}
+    truth = None if problem.truth is None else problem.truth[index]
     return {
-        "title": title,
+        "title": _title(recovery, channel),
         "norms": norms,
-        "edges": edges(norms, axes),
-        "labels": [scales[axis].label for axis in axes],
-        "estimate": shown(channel.points, axes),
-        "truth": None if truth is None else shown(truth, axes),
-        "names": () if problem.truth is None else problem.truth[index].names,
+        "edges": _edges(norms, scales),
+        "labels": [one.label for one in scales.values()],
+        "estimate": _drawn(channel.points, scales),
+        "truth": None if truth is None else _drawn(truth.points, scales),
+        "names": () if truth is None else truth.names,
         "matched": matched if over == axes else matched.max(axis=1),
-        "covariances": _scaled(spread, channel, axes, scales),
+        "covariances": _scaled(spread, channel, scales),
     }
 
 
-def _scaled(spread: Real | None, channel: Channel, axes: list[int], scales: dict[int, _Scale]) -> Real | None:
+def _title(recovery: Recovery, channel: Channel) -> str:
+    """Of the planes of a source."""
+    title = f"{channel.name}: norm of the dual polynomial"
+    if "angle" in channel.atoms.axes and len(channel):
+        title += f" at the angle {channel.points[channel.strongest, 2]:.3f}"
+    return f"{title}, no certificate" if recovery.sigma == 0 and not recovery.certified else title
+
+
+def _edges(values: Real, scales: dict[int, _Scale]) -> list[Real]:
+    """Of the pixels of a picture, along each axis."""
+    pairs = zip(values.shape, scales.items(), strict=True)
+    return [one.factor * np.append(_places(size, axis), 0.5 if axis else 1.0) for size, (axis, one) in pairs]
+
+
+def _drawn(points: Real, scales: dict[int, _Scale]) -> Real:
+    """``(n, 1 or 2)`` in units of the picture; Dopplers are of −½ to ½."""
+    values = [points[:, axis] if axis == 0 else np.nan_to_num(centred(points[:, axis])) for axis in scales]
+    return np.stack([value * one.factor for value, one in zip(values, scales.values(), strict=True)], axis=-1)
+
+
+def _scaled(spread: Real | None, channel: Channel, scales: dict[int, _Scale]) -> Real | None:
     """Covariances of the coordinates of a picture, ``(n, 2, 2)``; None without."""
-    if spread is None or len(axes) != 2 or not len(channel):
+    if spread is None or len(scales) != 2 or not len(channel):
         return None
-    places = [channel.atoms.columns.index(axis) for axis in axes]
-    factors = np.array([scales[axis].factor for axis in axes])
+    places = [channel.atoms.columns.index(axis) for axis in scales]
+    factors = np.array([one.factor for one in scales.values()])
     return spread[:, places][:, :, places] * np.outer(factors, factors)
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import fields
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tmca.dbd.scenario import Path, Scenario, Target
 from tmca.dbd.waveforms import UNKNOWN_NAME, first_problem
 from tmca.errors import DataError, TmcaError, did_you_mean
 from tmca.yaml_files import read_yaml
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 _SCENARIOS = FilePath(__file__).parent / "scenarios"
 _INTERVAL, _ROUNDING = "pri_s", 1e-12
@@ -37,16 +40,21 @@ def read_scenario(source: str | FilePath) -> Scenario:
     try:
         return TypeAdapter(Scenario).validate_python(_plain(_with_prefix(file, described)))
     except ValidationError as error:
-        first = first_problem(error)
-        cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, TmcaError):
-            raise type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
-        place = ".".join(map(str, first["loc"]))
-        if first["type"] == UNKNOWN_NAME:
-            described_by: type[Any] = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
-            known = [one.name for one in fields(described_by)] + [_INTERVAL] * (described_by is Scenario)
-            raise DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known)) from error
-        raise DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}") from error
+        raise _refusal(file, error) from error
+
+
+def _refusal(file: FilePath, error: ValidationError) -> TmcaError:
+    """What is wrong with the description in a file."""
+    first = first_problem(error)
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, TmcaError):
+        return type(cause)(f"{file}, {cause.where}", cause.found, cause.expected, cause.remedy)
+    place = ".".join(map(str, first["loc"]))
+    if first["type"] == UNKNOWN_NAME:
+        described_by: type[Any] = {"targets": Target, "paths": Path}.get(str(first["loc"][0]), Scenario)
+        known = [one.name for one in fields(described_by)] + [_INTERVAL] * (described_by is Scenario)
+        return DataError(file, place, ", ".join(known), did_you_mean(str(first["loc"][-1]), known))
+    return DataError(file, f"{place} {first['input']!r}", f"a scenario: {first['msg']}")
 
 
 def _with_prefix(file: FilePath, described: dict[str, Any]) -> dict[str, Any]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
 from tmca.dbd.channel import Channel
-from tmca.dbd.model import Complex, Problem, Real, Source, Truth, Whole, distance
+from tmca.dbd.model import Complex, Problem, Real, Source, Truth, Whole, distance, is_radar
 from tmca.errors import SettingError, check_choice, check_range
 
 BASES = ("vandermonde", "gaussian", "dft", "sign")
@@ -73,54 +73,79 @@ def simulate(
         SettingError: sizes that are not positive or beyond what any receiver has, points that do not fit, SNR that is
             no number.
     """
+    _check_known(known)
+    _check_numbers({"M": M, "P": P, "J": J, "antennas": antennas}, seed, snr_db, amplitudes)
+    radars, links = _transmitters(targets, paths)
+    ratio = _ratio(symbol_ratio)
+    unknowns = J * (P + 1 if messages == "dense" or late_samples else ratio.denominator)
+    _check_limits(M, P, unknowns, antennas, radars + links)
+    _check_spread(ratio, messages)
+    rng, apart = np.random.default_rng(seed), _separation(separation, (M, P, antennas))
+    absorbed = (ratio < 1 or P == 1 or (ratio == 1 and messages == "block")) and not late_samples
+    sources, truth = [], []
+    for name, points, gains in _channels(rng, radars, links, apart, absorbed, amplitudes):
+        if is_radar(name):
+            source = Source(name, random_rows(rng, M, J, basis), np.zeros(P, np.int64))
+        else:
+            source = message_source(rng, name, (P, M), J, basis, messages, ratio)
+            source = _behind(rng, source, basis, lag, late_samples)
+        waveform = unit_vector(rng, source.unknowns)
+        if known_waveforms or known in ("both", name.rstrip(" 0123456789")):
+            source, waveform = source.with_signal(waveform), np.ones(1, complex)
+        sources.append(source)
+        truth.append(Truth(points, gains, waveform))
+    y, sigma = noisy(overlaid(sources, truth, antennas), snr_db, rng)
+    return Problem(y, tuple(sources), sigma, tuple(truth))
+
+
+def _check_known(known: str | None) -> None:
+    """Raises SettingError for another transmitter than may be known."""
+    if known == "channel":
+        remedy = "a known channel with an unknown message has no solver here"
+        raise SettingError("known", "'channel'", f"one of {', '.join(KNOWN)}", remedy)
     if known is not None:
-        if known == "channel":
-            remedy = "a known channel with an unknown message has no solver here"
-            raise SettingError("known", "'channel'", f"one of {', '.join(KNOWN)}", remedy)
         check_choice("known", known, KNOWN)
-    for name, size in {"M": M, "P": P, "J": J, "antennas": antennas}.items():
+
+
+def _check_numbers(sizes: Mapping[str, int], seed: int, snr_db: float | None, amplitudes: tuple[float, float]) -> None:
+    """Raises SettingError for numbers that are none of their kind."""
+    for name, size in sizes.items():
         check_range(name, size, 1, whole=True)
     check_range("seed", seed, 0, whole=True)
     if snr_db is not None:
         check_range("snr_db", snr_db, -300, 300, unit="dB")
     if not 0 < amplitudes[0] <= amplitudes[1]:
         raise SettingError("amplitudes", f"{amplitudes}", "a range of positive magnitudes")
-    radars, links = _counts(targets, "targets"), _counts(paths, "paths")
-    if not radars + links:
-        raise SettingError("targets and paths", "none of either", "at least one")
-    if not np.isfinite(float(symbol_ratio)):
-        raise SettingError("symbol_ratio", f"{symbol_ratio}", _RATIOS)
-    ratio = Fraction(symbol_ratio).limit_denominator(64)
+
+
+def _check_limits(M: int, P: int, unknowns: int, antennas: int, counts: Sequence[int]) -> None:
+    """Raises SettingError for sizes beyond what any receiver has; ``unknowns`` of a signal, ``counts`` of paths."""
     check_range("M", M, high=MOST_FREQUENCIES)
-    check_range("targets and paths", sum(radars + links), high=_MOST_PATHS)
-    unknowns = J * (P + 1 if messages == "dense" or late_samples else ratio.denominator)
-    numbers = M * P * max(unknowns, antennas * max(radars + links))
+    check_range("targets and paths", sum(counts), high=_MOST_PATHS)
+    numbers = M * P * max(unknowns, antennas * max(counts))
     check_range("numbers of the bases", numbers, high=MOST_NUMBERS, remedy="take fewer of M, P, J, antennas or paths")
+
+
+def _check_spread(ratio: Fraction, messages: str) -> None:
+    """Raises SettingError for a symbol ratio beside another spread of messages."""
     if ratio != 1 and messages != "shared":
         remedy = "leave one of them out"
         raise SettingError("symbol_ratio", f"{ratio} with {messages} messages", "messages of a pulse each", remedy)
-    rng, apart = np.random.default_rng(seed), _separation(separation, (M, P, antennas))
-    absorbed = (ratio < 1 or P == 1 or (ratio == 1 and messages == "block")) and not late_samples
-    separations = [apart] * len(radars) + [[apart[0], np.inf if absorbed else apart[1], *apart[2:]]] * len(links)
-    points = [separated_points(rng, *one) for one in zip(radars + links, separations, strict=True)]
-    gains = [_gains(rng, count, amplitudes) for count in radars + links]
-    sources, truth = [], []
-    for index, name in enumerate(_numbered("radar", len(radars)) + _numbered("communications", len(links))):
-        if index < len(radars):
-            source = Source(name, random_rows(rng, M, J, basis), np.zeros(P, np.int64))
-        else:
-            source = message_source(rng, name, (P, M), J, basis, messages, ratio)
-            if late_samples:
-                source = beyond_prefix(source, random_rows(rng, M, source.subspace, basis), late_samples)
-            source = lagged(source, lag) if lag else source
-        waveform = unit_vector(rng, source.unknowns)
-        if known_waveforms or known == "both" or known == name.rstrip(" 0123456789"):
-            source, waveform = source.with_signal(waveform), np.ones(1, complex)
-        sources.append(source)
-        full = np.pad(points[index], ((0, 0), (0, 3 - points[index].shape[1])))
-        truth.append(Truth(full, gains[index], waveform))
-    y, sigma = noisy(overlaid(sources, truth, antennas), snr_db, rng)
-    return Problem(y, tuple(sources), sigma, tuple(truth))
+
+
+def _ratio(symbol_ratio: float | Fraction) -> Fraction:
+    """The symbol ratio as a fraction."""
+    if not np.isfinite(float(symbol_ratio)):
+        raise SettingError("symbol_ratio", f"{symbol_ratio}", _RATIOS)
+    return Fraction(symbol_ratio).limit_denominator(64)
+
+
+def _transmitters(targets: Several, paths: Several) -> tuple[list[int], list[int]]:
+    """How many targets each radar has, and how many paths each communications channel."""
+    radars, links = _counts(targets, "targets"), _counts(paths, "paths")
+    if not radars + links:
+        raise SettingError("targets and paths", "none of either", "at least one")
+    return radars, links
 
 
 def _counts(several: Several, name: str) -> list[int]:
@@ -142,6 +167,20 @@ def _separation(separation: float | Sequence[float] | None, sizes: tuple[int, in
     for one in given:
         check_range("separation", one, 0)
     return [one if half else np.inf for one, half in zip(given, halves, strict=True)]
+
+
+def _channels(
+    rng: np.random.Generator, radars: list[int], links: list[int], apart: list[float], absorbed: bool,
+    amplitudes: tuple[float, float],
+) -> list[tuple[str, Real, Complex]]:  # fmt: skip
+    """Name, points ``(L, 3)`` and gains of every source; ``absorbed`` Dopplers of links tell no two points apart."""
+    counts, of_links = radars + links, [apart[0], np.inf if absorbed else apart[1], *apart[2:]]
+    separations = [apart] * len(radars) + [of_links] * len(links)
+    points = [separated_points(rng, *one) for one in zip(counts, separations, strict=True)]
+    full = [np.pad(one, ((0, 0), (0, 3 - one.shape[1]))) for one in points]
+    gains = [_gains(rng, count, amplitudes) for count in counts]
+    names = _numbered("radar", len(radars)) + _numbered("communications", len(links))
+    return list(zip(names, full, gains, strict=True))
 
 
 def separated_points(rng: np.random.Generator, count: int, separation: Sequence[float]) -> Real:
@@ -259,6 +298,14 @@ def fourier(frequencies: int) -> Complex:
 def carriers(frequencies: int) -> Whole:
     """The numbers of the frequencies, ``n = −⌊M/2⌋ …``."""
     return np.arange(frequencies) - frequencies // 2
+
+
+def _behind(rng: np.random.Generator, source: Source, basis: str, lag: float, late_samples: int) -> Source:
+    """The source with its clock behind the receiver's, in samples beyond the cyclic prefix and by a lag."""
+    if late_samples:
+        before = random_rows(rng, source.rows.shape[1], source.subspace, basis)
+        source = beyond_prefix(source, before, late_samples)
+    return lagged(source, lag) if lag else source
 
 
 def lagged(source: Source, lag: float) -> Source:

@@ -10,23 +10,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from tmca.dbd.certificate import certificate
+from tmca.dbd.certificate import Certificate, certificate
 from tmca.dbd.channel import Channels, no_paths, paths, relative_residual, unknowns, with_fitted_weights
 from tmca.dbd.doubts import loud_sigma, whole_doubt
 from tmca.dbd.dual import solve_admm, solve_cvx
 from tmca.dbd.frank_wolfe import EXACT, Solution, exact_fit, frank_wolfe, rounds_told
-from tmca.dbd.model import (
+from tmca.dbd.identifiability import (
     BeyondFreedom,
-    Complex,
     LittleExplained,
     OneWay,
-    Problem,
     SameSignals,
     ambiguities,
     beyond_freedom,
     same_signals,
     taken_one_way,
 )
+from tmca.dbd.model import Complex, Problem
 from tmca.dbd.noise import bounds, noise_level, structured
 from tmca.dbd.paths import walk_line
 from tmca.dbd.recovery import Recovery
@@ -96,13 +95,7 @@ def solve(
     if not np.any(problem.y):
         raise SettingError("y", "only zeros", "samples of a signal")
     problem = _weighted(problem, weights)
-    for name in taken_one_way(problem):
-        warnings.warn(name, OneWay, stacklevel=2)
-    for same in same_signals(problem):
-        warnings.warn(same, SameSignals, stacklevel=2)
-    excess = problem.truth and beyond_freedom(problem, [len(one.points) for one in problem.truth])
-    if excess:
-        warnings.warn(excess, BeyondFreedom, stacklevel=2)
+    _warn_of(problem)
     if method != "sfw":
         _check_dual(problem, method, gram, solver)
     with reporting(progress, method) as report:
@@ -114,6 +107,17 @@ def solve(
     if recovery.doubt:
         warnings.warn(recovery.doubt, LittleExplained, stacklevel=2)
     return recovery
+
+
+def _warn_of(problem: Problem) -> None:
+    """Warns the caller of `solve` of names, and of what has no unique answer."""
+    for name in taken_one_way(problem):
+        warnings.warn(name, OneWay, stacklevel=3)
+    for same in same_signals(problem):
+        warnings.warn(same, SameSignals, stacklevel=3)
+    excess = problem.truth and beyond_freedom(problem, [len(one.points) for one in problem.truth])
+    if excess:
+        warnings.warn(excess, BeyondFreedom, stacklevel=3)
 
 
 def _weighted(problem: Problem, weights: Sequence[float] | str | None) -> Problem:
@@ -204,13 +208,7 @@ def _recovery(
     left = relative_residual(channels, problem.y)
     exact = bool(solution.sigma == 0 and left < EXACT and unknowns(channels) < 2 * problem.y.size)
     proof = certificate(solution.lifted) if certify and exact else None
-    notes = [*ambiguities(problem), *solution.notes]
-    if loud := loud_sigma(problem, channels, left):
-        notes.append(loud)
-    if beyond_freedom(problem, counts):
-        notes.append(f"{sum(counts)} paths have more lifted unknowns than there are samples: they mean nothing")
-    if proof is not None and (proof.status != "certified" or not proof.unique):
-        notes.append(f"{'certified, but' if proof.certified else 'not certified:'} {proof.reason}")
+    notes = _notes(problem, solution, left, proof)
     if solution.sigma > 0 and any(counts):
         pairs = zip(channels, bounds(channels, solution.sigma), strict=True)
         channels = [replace(one, bounds=one.atoms.full(deviations)) for one, deviations in pairs]
@@ -222,3 +220,15 @@ def _recovery(
     close = "" if separated or sum(counts) < 2 else separation_line(recovery)
     notes += [line for line in (walk_line(recovery), close) if line]
     return replace(recovery, notes=tuple(notes))
+
+
+def _notes(problem: Problem, solution: Solution, left: float, proof: Certificate | None) -> list[str]:
+    """What cannot be known, and what is doubtful about a solution that leaves so much."""
+    notes, counts = [*ambiguities(problem), *solution.notes], paths(solution.channels)
+    if loud := loud_sigma(problem, solution.channels, left):
+        notes.append(loud)
+    if beyond_freedom(problem, counts):
+        notes.append(f"{sum(counts)} paths have more lifted unknowns than there are samples: they mean nothing")
+    if proof is not None and (proof.status != "certified" or not proof.unique):
+        notes.append(f"{'certified, but' if proof.certified else 'not certified:'} {proof.reason}")
+    return notes

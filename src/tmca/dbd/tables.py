@@ -12,7 +12,7 @@ from tmca.dbd.paths import coordinates, finite, path_names, path_rows, quantitie
 from tmca.dbd.separation import Separation, joint_separation
 
 if TYPE_CHECKING:
-    from tmca.dbd.recovery import Recovery
+    from tmca.dbd.recovery import Recovery, Score
 
 _NORMALISED = (("delay", "delay", 1.0, 6), ("doppler", "doppler", 1.0, 6), ("angle", "angle", 1.0, 6))
 _PHYSICAL = (
@@ -124,36 +124,47 @@ def recovery_lines(recovery: Recovery, markdown: bool = False, file: str = "") -
 
     In doubt, only the strongest few paths are there, and the ``file`` that has them all; the doubt is repeated last.
     """
-    tables: list[str] = []
     rows = path_rows(recovery)
-    for source in recovery.sources:
-        mine = [row for row in rows if row["source"] == source.name]
-        shown = _strongest(mine) if recovery.doubt else mine
-        tables += _source_lines(source, shown, len(mine), recovery.problem, markdown)
-        if len(shown) < len(mine):
-            tables += ["", f"  and {len(mine) - len(shown)} weaker ones{f' (all in {file})' if file else ''}"]
-        tables.append("")
-    noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
-    verdict = (
-        f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
-        f"certificate: {recovery.certificate_status} · unexplained {recovery.unexplained:.2%} · "
-        f"noise {noise} · {recovery.seconds:.2f} s"
-    )
+    tables = _tables(recovery, rows, markdown, file)
+    verdict = _verdict(recovery)
     lines = [verdict, "", *tables] if recovery.doubt else [*tables, verdict]
     separated = separation_line(recovery)
     if any(map(len, recovery)):
         lines += [line for line in (resolution_line(recovery), separated) if line]
     if recovery.problem.truth is not None:
-        score = recovery.score()
-        wrong = not np.isfinite(score.max_error)
-        error = (
-            "wrong number of paths"
-            if wrong
-            else f"largest error {score.max_error:.2g} in normalised coordinates, 0 to 1"
-        )
-        lines.append(f"against the truth: {'success' if score.success else 'no success'} ({error})")
+        lines.append(_against_truth(recovery.score()))
     lines += [f"note: {note}" for note in recovery.notes if note != separated]
     return [*lines, f"found: {_found(recovery)}"] if recovery.doubt and len(rows) > _MOST_IN_DOUBT else lines
+
+
+def _tables(recovery: Recovery, rows: list[dict[str, Any]], markdown: bool, file: str) -> list[str]:
+    """The paths of every source, in doubt the strongest, each with an empty line after it."""
+    lines: list[str] = []
+    for source in recovery.sources:
+        mine = [row for row in rows if row["source"] == source.name]
+        shown = _strongest(mine) if recovery.doubt else mine
+        lines += _source_lines(source, shown, len(mine), recovery.problem, markdown)
+        if len(shown) < len(mine):
+            lines += ["", f"  and {len(mine) - len(shown)} weaker ones{f' (all in {file})' if file else ''}"]
+        lines.append("")
+    return lines
+
+
+def _verdict(recovery: Recovery) -> str:
+    """What was recovered, how exactly, and how long it took, in one line."""
+    noise = "none" if recovery.sigma == 0 else f"{recovery.sigma:.3g}"
+    return (
+        f"found: {_found(recovery)} · exact fit: {'yes' if recovery.exact else 'no'} · "
+        f"certificate: {recovery.certificate_status} · unexplained {recovery.unexplained:.2%} · "
+        f"noise {noise} · {recovery.seconds:.2f} s"
+    )
+
+
+def _against_truth(score: Score) -> str:
+    """How the recovery compares with the truth, in one line."""
+    error = f"largest error {score.max_error:.2g} in normalised coordinates, 0 to 1"
+    error = error if np.isfinite(score.max_error) else "wrong number of paths"
+    return f"against the truth: {'success' if score.success else 'no success'} ({error})"
 
 
 def _strongest(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -319,27 +319,30 @@ def _waveform(where: str, described: Any, folder: Path) -> Waveform:
         raise SettingError(where, f"kind {kind!r}", f"one of {', '.join(KINDS)}")
     made = KINDS[described["kind"]]
     names = [field.name for field in fields(made)]
-    full = {name.rpartition("_")[0]: name for name in names if name.endswith(("_hz", "_s"))}
+    short = {name: name.rpartition("_")[0] if name.endswith(("_hz", "_s")) else name for name in names}
+    full = {without_unit: name for name, without_unit in short.items()}
     settings = {full.get(name, name): _plain(value) for name, value in described.items() if name != "kind"}
     try:
         waveform: Waveform = TypeAdapter(made).validate_python(settings)
     except ValidationError as error:
-        first = first_problem(error)
-        cause = first.get("ctx", {}).get("error")
-        if isinstance(cause, SettingError):
-            raise SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy) from error
-        shown = {name: short for short, name in full.items()}
-        place = ".".join(str(shown.get(one, one)) for one in map(str, first["loc"]))
-        options = [shown.get(name, name) for name in names]
-        known = ", ".join(options)
-        if first["type"] in ("missing", "missing_argument"):
-            raise SettingError(where, f"no {place}=", known) from error
-        if first["type"] == UNKNOWN_NAME:
-            raise SettingError(where, f"{place}=", known, did_you_mean(place, options)) from error
-        raise SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}") from error
+        raise _refusal(where, short, error) from error
     if isinstance(waveform, SampledWaveform):
         return SampledWaveform(folder / waveform.file, *list(vars(waveform).values())[1:])
     return waveform
+
+
+def _refusal(where: str, short: Mapping[str, str], error: ValidationError) -> SettingError:
+    """What is wrong with settings, whose names are shown without units."""
+    first = first_problem(error)
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, SettingError):
+        return SettingError(f"{where}, {cause.where}", cause.found, cause.expected, cause.remedy)
+    place, known = ".".join(short.get(one, one) for one in map(str, first["loc"])), ", ".join(short.values())
+    if first["type"] in ("missing", "missing_argument"):
+        return SettingError(where, f"no {place}=", known)
+    if first["type"] == UNKNOWN_NAME:
+        return SettingError(where, f"{place}=", known, did_you_mean(place, list(short.values())))
+    return SettingError(where, f"{place} {first['input']!r}", f"{known}: {first['msg']}")
 
 
 def first_problem(error: ValidationError) -> Any:

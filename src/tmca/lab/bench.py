@@ -11,10 +11,10 @@ from tmca.data import read_scene
 from tmca.errors import SettingError
 from tmca.lab.acquisition.drivers import Device, Lamp, find_device
 from tmca.lab.acquisition.session import capture, check_camera, joined
+from tmca.lab.calibration.captured import StepSettings
 from tmca.lab.calibration.capturing import capture_step, check_lights
 from tmca.lab.calibration.displacement import Curve
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.shots import Asked as Frames
 from tmca.lab.calibration.steps import measure_all, steps_of
 from tmca.lab.cameras import lab_camera

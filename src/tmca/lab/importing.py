@@ -138,11 +138,8 @@ def _dispersed(
 ) -> tuple[Snapshot[SpectralCamera], Array]:
     """The snapshot, and the capture in its own numbers."""
     values = read_plane(capture, prototype.capture_key)
-    code = read_plane(mask, prototype.mask_key)
-    if code.min() < 0 or code.max() > 1:
-        raise DataError(mask, f"a mask of {code.min():g} to {code.max():g}", "transmittances between 0 and 1")
-    response = prototype.response_of_bands()
-    code = registered(code, prototype.registration)
+    image, response = _transmittances(mask, prototype.mask_key), prototype.response_of_bands()
+    code = registered(image, prototype.registration)
     spread = _noise_of(values, noise, capture)
     unit = code.mean() * response.sum() / (prototype.white - prototype.black)
     sensor = Sensor(read_noise=spread * unit, full_well=prototype.full_well, saturates=False)
@@ -161,6 +158,14 @@ def _dispersed(
         "response": str(prototype.response), "scene": prototype.scenes.get(capture.stem, capture.stem),
     }  # fmt: skip
     return Snapshot(_tensor((values - prototype.black) * unit), camera, about), values
+
+
+def _transmittances(mask: Path, key: str | None) -> Array:
+    """(h, w) of a mask's file, between 0 and 1."""
+    image = read_plane(mask, key)
+    if image.min() < 0 or image.max() > 1:
+        raise DataError(mask, f"a mask of {image.min():g} to {image.max():g}", "transmittances between 0 and 1")
+    return image
 
 
 def _shuttered(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tmca.applications.imaging import evaluation_of
+from tmca.applications.evaluating import evaluation_of
 from tmca.applications.light_field import usable_disparity
 from tmca.metrics import MERITS
 from tmca.viewer.cubes import ONE, merit_facts

@@ -9,9 +9,9 @@ from tmca.errors import DataError
 from tmca.lab.acquisition.drivers import find_device
 from tmca.lab.acquisition.session import capture, joined
 from tmca.lab.calibration.apply import calibrated, calibrated_snapshot
+from tmca.lab.calibration.captured import StepSettings
 from tmca.lab.calibration.capturing import capture_step
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.shots import Asked
 from tmca.lab.calibration.steps import measure, measure_all, steps_of
 from tmca.lab.display.manifest import exposed_whole, read_manifest

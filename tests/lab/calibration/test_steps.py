@@ -13,8 +13,8 @@ from tests.lab.calibration.test_one_bench import bench_of, measured, scene_of
 from tmca.cameras import Hardware, SpectralCamera, SpectralDepthCamera, imperfect
 from tmca.errors import DataError
 from tmca.lab.calibration.apply import calibrated, check_fits
+from tmca.lab.calibration.captured import StepSettings
 from tmca.lab.calibration.figures import part_figure
-from tmca.lab.calibration.fits import StepSettings
 from tmca.lab.calibration.parts import KINDS
 from tmca.lab.calibration.psf import MODES
 from tmca.lab.calibration.shots import Asked

@@ -68,6 +68,12 @@ class BenchOptions:
                 option = f"--{name.replace('_', '-')}"
                 raise SettingError(option, f"{value}", f"none before {self.device}: it is of the simulated bench")
 
+    def check_scene(self, scene: str | None) -> None:
+        """Raises SettingError where the simulated bench has nothing before it."""
+        if self.simulated and scene is None:
+            expected, remedy = "a scene before the simulated bench", "name a file or a rendered scene"
+            raise SettingError("--scene", "none", expected, remedy)
+
     def bench(self, taken: Any, whole: bool, scene: str | None = None, drift: tuple[float, float] = (0.0, 0.0)) -> Any:
         """The bench.
 

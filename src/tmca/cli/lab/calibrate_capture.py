@@ -46,9 +46,9 @@ def capture(
         count: of coded patterns.
         reflectance: of the white reference.
     """
-    from tmca.data import metres_to_nm, nm_to_metres
+    from tmca.data import nm_to_metres
     from tmca.lab.bench import sets_light, steps_before, usual_frames
-    from tmca.lab.calibration.capturing import capture_step, check_lights
+    from tmca.lab.calibration.capturing import check_lights
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     bench.check()
@@ -56,26 +56,40 @@ def capture(
     waves = tuple(float(nm_to_metres(one)) for one in _each(wavelength, "--wavelength", 100, 20000, "nm"))
     depths = _each(depth, "--depth", 1e-3, 1e6, "m")
     manifest = read_manifest(export)
-    whole = exposed_whole(manifest)
-    driver = bench.bench(taken, whole)
+    driver = bench.bench(taken, exposed_whole(manifest))
     asked = usual_frames(
         taken.camera, sets_light(driver), frames=frames, wavelengths=waves, depths=depths, pattern=pattern, count=count,
         reflectance=reflectance,
     )  # fmt: skip
     steps, left_out = steps_before(taken.camera, manifest, bench.simulated) if step == "all" else ([step], [])
-    shots = check_lights(steps, taken.camera, manifest, asked, driver)
-    if (wave := shots["registration"][0].light.wavelength if "registration" in shots else None) is not None:
-        print(f"registration: light of {metres_to_nm(wave):g} nm")
+    _say_light(check_lights(steps, taken.camera, manifest, asked, driver))
     for one in steps:
-        with progress_bar(f"capture: {one}") as report:
-            capture_step(
-                one, export, driver, out, taken.camera, asked, bench=bench.said(),
-                timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
-            )  # fmt: skip
-        print(f"{out / one}: captured")
+        _capture_step(one, export, driver, out, taken.camera, asked, bench)
     for line in left_out:
         print(line)
     print(f"measure them with tmca calibrate all {out}{_curve(steps, taken.camera, asked)} --out NAME")
+
+
+def _say_light(shots: dict[str, Any]) -> None:
+    """Say of which wavelength the light of a registration has to be."""
+    from tmca.data import metres_to_nm
+
+    if (wave := shots["registration"][0].light.wavelength if "registration" in shots else None) is not None:
+        print(f"registration: light of {metres_to_nm(wave):g} nm")
+
+
+def _capture_step(
+    step: str, export: Path, driver: Any, out: Path, camera: Any, asked: Any, bench: BenchOptions
+) -> None:
+    """Take the frames of a step, and say where they are."""
+    from tmca.lab.calibration.capturing import capture_step
+
+    with progress_bar(f"capture: {step}") as report:
+        capture_step(
+            step, export, driver, out, camera, asked, bench=bench.said(),
+            timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
+        )  # fmt: skip
+    print(f"{out / step}: captured")
 
 
 def _curve(steps: list[str], camera: Any, asked: Any) -> str:

@@ -16,8 +16,8 @@ from tmca.cli.options.numbers import On, Whole, size
 from tmca.cli.options.output import say
 
 if TYPE_CHECKING:
+    from tmca.lab.calibration.captured import StepSettings
     from tmca.lab.calibration.file import Calibration
-    from tmca.lab.calibration.fits import StepSettings
 
 _REQUIRED: Any = inspect.Parameter.empty
 _OUTPUT = Group("Calibration", sort_key=3)
@@ -103,7 +103,7 @@ def _settings(how: CalibrationOptions, **given: Any) -> StepSettings:
     """What options of steps say, in SI units."""
     from tmca.data import nm_to_metres
     from tmca.errors import check_range
-    from tmca.lab.calibration.fits import StepSettings
+    from tmca.lab.calibration.captured import StepSettings
 
     if given.get("wavelength") is not None:
         check_range("--wavelength", given["wavelength"], 100, 20000, unit="nm")

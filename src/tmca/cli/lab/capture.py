@@ -10,7 +10,7 @@ from cyclopts import App
 from tmca.cli.lab.bench import SIMULATED, BenchOptions
 from tmca.cli.options.numbers import Whole
 from tmca.cli.options.output import Json, Overwrite, say
-from tmca.errors import OutputError, SettingError
+from tmca.errors import OutputError
 from tmca.progress import progress_bar
 
 app = App(name="capture", help="Show an export on a bench, keep every frame, join them into a snapshot.")
@@ -46,7 +46,7 @@ def capture(
         scene: before the simulated bench: a file, or the name of a rendered scene.
     """
     from tmca.lab.acquisition.session import capture as run
-    from tmca.lab.acquisition.session import check_camera, joined
+    from tmca.lab.acquisition.session import check_camera
     from tmca.lab.display.manifest import exposed_whole, read_manifest
 
     bench.check(scene)
@@ -55,24 +55,28 @@ def capture(
     target = snapshot or out.with_suffix(".nc")
     if target.exists() and not overwrite:
         raise OutputError(target, "a file", "none", "choose another --snapshot, or pass --overwrite")
-    if bench.simulated and scene is None:
-        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
+    bench.check_scene(scene)
     device = bench.bench(taken, exposed_whole(read_manifest(export)), scene)
-    read = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
-    faults = {"hardware": bench.faults.described()} if bench.faults.faults() else {}
+    notes = {name: value for name, value in taken.notes.items() if scene and name not in _OF_ITS_OWN}
+    notes |= {"scene": scene or "", **({"hardware": bench.faults.described()} if bench.faults.faults() else {})}
     captured: list[Any] = []
-
-    def join() -> None:
-        captured.append(joined(out, export, taken.camera))
-        captured[0].notes |= {**read, "scene": scene or "", **faults}
-        captured[0].save(target, overwrite=overwrite)
-
     with progress_bar(f"capture: {out.name}") as report:
         run(
             export, device, out, gain=None, repeats=repeat, camera=taken.camera, bench=bench.said(scene),
-            timeout=bench.timeout, finish=join, progress=lambda done, total, name: report(done / total, name),
+            timeout=bench.timeout, progress=lambda done, total, name: report(done / total, name),
+            finish=lambda: captured.append(_join(out, export, taken.camera, notes, target, overwrite)),
         )  # fmt: skip
     _say(target, out, captured[0], json)
+
+
+def _join(folder: Path, export: Path, camera: Any, notes: dict[str, Any], target: Path, overwrite: bool) -> Any:
+    """The snapshot of a capture, written with these notes too."""
+    from tmca.lab.acquisition.session import joined
+
+    captured = joined(folder, export, camera)
+    captured.notes |= notes
+    captured.save(target, overwrite=overwrite)
+    return captured
 
 
 def _say(target: Path, out: Path, captured: Any, as_json: bool) -> None:

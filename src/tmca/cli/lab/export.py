@@ -79,13 +79,18 @@ def export(
         overwrite=overwrite,
     ).manifest  # fmt: skip
     if figures:
-        from tmca.lab.display.export import export_figure
-        from tmca.plots.style import save_figure
-
-        save_figure(export_figure(manifest, out), out / "overview.png", overwrite=True)
+        _draw(manifest, out)
     if planes.settings is not None:  # codes alone that fill little are warned of as they are exported
         _warn_of_little(manifest, source)
     _say(manifest, out, json, "" if exposure else _exposure_of(planes.exposure), falls)
+
+
+def _draw(manifest: dict[str, Any], folder: Path) -> None:
+    """Draw the overview of an export."""
+    from tmca.lab.display.export import export_figure
+    from tmca.plots.style import save_figure
+
+    save_figure(export_figure(manifest, folder), folder / "overview.png", overwrite=True)
 
 
 def _warn_of_little(manifest: dict[str, Any], source: Path) -> None:

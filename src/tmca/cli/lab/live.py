@@ -21,6 +21,7 @@ from tmca.errors import SettingError, TmcaError, check_range
 from tmca.progress import progress_bar
 
 if TYPE_CHECKING:
+    from tmca.decoders import Decoder
     from tmca.lab.live import Shown
 
 app = App(name="live", help="Decode what a bench captures as it comes: in the terminal, in a browser, recorded.")
@@ -82,46 +83,45 @@ def live(
         scene: before the simulated bench: a file, or the name of a rendered scene.
         drift: ROWS,COLUMNS by which the scene moves from exposure to exposure.
     """
-    from tmca.decoders import make_decoder, usual_decoder
     from tmca.lab.calibration.file import load_calibration
-    from tmca.lab.decoder_files import decoder_named
     from tmca.lab.display.manifest import exposed_whole, read_manifest
-    from tmca.lab.live import Exposures, Live, Recording, check_recording
+    from tmca.lab.live import Exposures, Live, Recording
 
     bench.check(scene, drift)
-    if exposures is not None:
-        check_range("--exposures", exposures, 1)
-    if bench.simulated and scene is None:
-        raise SettingError("--scene", "none", "a scene before the simulated bench", "name a file or a rendered scene")
-    if record is not None:
-        check_recording(record, overwrite)
-    elif record_estimates:
-        raise SettingError("--record-estimates", "no --record", "a recording that they are part of", "pass --record")
+    _check_options(bench, scene, exposures, record, record_estimates, overwrite)
     taken, manifest = bench.known(export), read_manifest(export)
     _check_bank(bank, taken.camera)
     device = bench.bench(taken, exposed_whole(manifest), scene, pair(drift, "--drift"))
-    measured = None if calibration is None else load_calibration(calibration)
-    rate = 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate
-    name = decoder_named(decoder) if decoder else ("network" if weights else usual_decoder(taken.camera.kind))
-    made = make_decoder(name, taken.camera.kind, _settings(name, taken.camera.kind, weights, uncertainty, fast))
+    how: dict[str, Any] = {"calibration": None if calibration is None else load_calibration(calibration)}
+    how |= {"rate": 1 / manifest["exposure_s"] if rate is None and bench.simulated else rate, "timeout": bench.timeout}
+    name, made = _decoder(decoder, taken.camera.kind, weights, uncertainty, fast)
     with ExitStack() as opened:
         takers = _served(opened, page, port)
-        how: dict[str, Any] = {"calibration": measured, "timeout": bench.timeout, "rate": rate}
         running = opened.enter_context(Exposures(export, device, taken.camera, **how))
         with progress_bar(f"{name}: preparing") as report:
             prepared = made.prepare(running.camera, prior, report, bank=bank)
         if record is not None:
-            shape = made.scene_shape(running.camera)
-            recording = Recording(
-                record, running.camera, estimates=record_estimates, scene_shape=shape, overwrite=overwrite
-            )
-            takers.append(opened.enter_context(recording).add)
+            more: dict[str, Any] = {"estimates": record_estimates, "scene_shape": made.scene_shape(running.camera)}
+            takers.append(opened.enter_context(Recording(record, running.camera, overwrite=overwrite, **more)).add)
         summary, failure = _run(Live(running, prepared), takers, exposures)
     _say(summary, name, record, json)
-    if failure is not None:
-        raise failure
-    if summary["interrupted"] and exposures is not None:
-        raise KeyboardInterrupt
+    _raise_what_ended(failure, summary["interrupted"] and exposures is not None)
+
+
+def _check_options(
+    bench: BenchOptions, scene: str | None, exposures: int | None, record: Path | None, estimates: bool,
+    overwrite: bool,
+) -> None:  # fmt: skip
+    """Refuse what cannot be shown or recorded, before the bench is opened."""
+    from tmca.lab.live import check_recording
+
+    if exposures is not None:
+        check_range("--exposures", exposures, 1)
+    bench.check_scene(scene)
+    if record is not None:
+        check_recording(record, overwrite)
+    elif estimates:
+        raise SettingError("--record-estimates", "no --record", "a recording that they are part of", "pass --record")
 
 
 def _check_bank(bank: Path | None, camera: Any) -> None:
@@ -132,13 +132,17 @@ def _check_bank(bank: Path | None, camera: Any) -> None:
         raise SettingError("--bank", found, "a camera that knows its noise", remedy)
 
 
-def _settings(decoder: str, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> dict[str, Any]:
-    from tmca.decoders import decoders_for
+def _decoder(asked: str | None, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> tuple[str, Decoder]:
+    """Name of the decoder that is asked for, else of the usual one, and the decoder."""
+    from tmca.decoders import decoders_for, make_decoder, usual_decoder
+    from tmca.lab.decoder_files import decoder_named
 
-    cls = decoders_for(kind, moving=None).get(decoder)
+    name = decoder_named(asked) if asked else ("network" if weights else usual_decoder(kind))
+    cls = decoders_for(kind, moving=None).get(name)
     settings: dict[str, Any] = {} if weights is None else {"weights": weights}
     settings |= {"fast": True} if fast else {}
-    return settings | ({"uncertainty": uncertainty} if cls is not None and cls.deviation else {})
+    settings |= {"uncertainty": uncertainty} if cls is not None and cls.deviation else {}
+    return name, make_decoder(name, kind, settings)
 
 
 def _served(opened: ExitStack, page: bool | None, port: int) -> list[Callable[[Shown], None]]:
@@ -171,12 +175,7 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
     with _terminal() as tell:
         try:
             for shown in loop:
-                ready = time.monotonic()
-                for take in takers:
-                    take(shown)
-                last = time.monotonic()
-                for stage, seconds in {**shown.seconds, "give": last - ready}.items():
-                    latencies[stage].append(seconds)
+                last = _give(shown, takers, latencies)
                 done += 1
                 tell(shown)
                 if done == most:
@@ -186,16 +185,29 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
             handled()
         except TmcaError as error:
             failure = error
-    spent = last - begun
-    summary = {
-        "estimates": done,
-        "dropped": loop.dropped,
-        "seconds": round(spent, 2),
-        "rate": round(done / spent, 2) if done else 0.0,
-        "interrupted": interrupted,
-        "ms": {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()},
-    }
-    return summary, failure
+    spent, summary = last - begun, {"estimates": done, "dropped": loop.dropped}
+    summary |= {"seconds": round(spent, 2), "rate": round(done / spent, 2) if done else 0.0, "interrupted": interrupted}
+    ms = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
+    return {**summary, "ms": ms}, failure
+
+
+def _raise_what_ended(failure: TmcaError | None, too_early: bool) -> None:
+    """Raise what failed, or Ctrl-C before there were as many exposures as were asked for."""
+    if failure is not None:
+        raise failure
+    if too_early:
+        raise KeyboardInterrupt
+
+
+def _give(shown: Shown, takers: list[Callable[[Shown], None]], latencies: dict[str, deque[float]]) -> float:
+    """Give an estimate to all that take it, and note how long its stages took; when that was done."""
+    ready = time.monotonic()
+    for take in takers:
+        take(shown)
+    last = time.monotonic()
+    for stage, seconds in {**shown.seconds, "give": last - ready}.items():
+        latencies[stage].append(seconds)
+    return last
 
 
 def status_line(shown: Shown) -> str:

@@ -17,6 +17,7 @@ from tmca.progress import progress_bar
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tmca.cameras import Snapshot
     from tmca.decoders import Estimate
 
 app = App(name="real", help="Real captures: mask in register, frames behind a pixel shutter, a report of all.")
@@ -50,9 +51,7 @@ def register(
         prior: Gaussian prior of scenes for --by evidence; without it that of the rendered scenes.
     """
     from tmca.errors import SettingError, check_choice
-    from tmca.lab.importing import read_plane
     from tmca.lab.prototype import SingleDisperser, load_prototype
-    from tmca.lab.registering import register_mask
 
     check_choice("--by", by, ("blocks", "evidence"))
     if prior is not None and by != "evidence":
@@ -67,14 +66,22 @@ def register(
         raise SettingError("--mask", "none", "the file of the mask")
     if by == "evidence":
         _by_evidence(captures, described, mask, prior, json)
-        return
-    offsets = [round(described.pixels_per_band * band) for band in range(len(described.wavelengths_nm))]
-    values = [read_plane(file, described.capture_key) for file in captures]
-    image = read_plane(mask, described.mask_key)
-    registration, deviation = register_mask(values, image, offsets, black=described.black)
+    else:
+        _by_blocks(captures, described, mask, json)
+
+
+def _by_blocks(captures: list[Path], prototype: Any, mask: Path, as_json: bool) -> None:
+    """Say where displaced copies of the mask explain blocks of the captures best."""
+    from tmca.lab.importing import read_plane
+    from tmca.lab.registering import register_mask
+
+    offsets = [round(prototype.pixels_per_band * band) for band in range(len(prototype.wavelengths_nm))]
+    values = [read_plane(file, prototype.capture_key) for file in captures]
+    image = read_plane(mask, prototype.mask_key)
+    registration, deviation = register_mask(values, image, offsets, black=prototype.black)
     scale, down = registration.scale[0], registration.shift[0]
     say(
-        {**registration.model_dump(), "deviation": deviation}, json,
+        {**registration.model_dump(), "deviation": deviation}, as_json,
         f"{mask}: in the captures {scale:.5f} times as large along y, {down:+.3f} pixels down",
         f"  blocks deviate by {deviation:.3f} pixels",
     )  # fmt: skip
@@ -161,7 +168,6 @@ def movie(
     from tmca.data import write_dataset
     from tmca.decoders import decode, decoders_for
     from tmca.errors import check_choice
-    from tmca.plots import frames_figure, save_figure
 
     check_figure(figure, overwrite, snapshot)
     check_targets([out], overwrite, snapshot)
@@ -176,14 +182,21 @@ def movie(
     labelled = frames_of(estimate)
     write_dataset(labelled, out, overwrite=overwrite)
     if figure is not None:
-        values, pictures = taken.values[0, 0].numpy(), labelled["frames"].values.mean(1)
-        drawing = frames_figure({decoder: pictures}, {decoder: values}, shown=min(frames, 8))
-        save_figure(drawing, figure, overwrite=overwrite)
+        _draw_movie(taken, labelled, decoder, figure, overwrite)
     about = labelled.attrs
     print(f"{out}: {frames} frames of {about['slots_per_frame']} slots each, {decoder}")
     if "scene_lifetime" in about:
         share = f"{about['scene_changing']:.1%} of its variance within {about['scene_lifetime']:g} slots"
         print(f"  the scene changes over {about['scene_length']:g} pixels, {share}")
+
+
+def _draw_movie(taken: Snapshot[Any], labelled: xr.Dataset, decoder: str, figure: Path, overwrite: bool) -> None:
+    """Draw the frames, eight of them at most, beside the snapshot."""
+    from tmca.plots import frames_figure, save_figure
+
+    values, pictures = taken.values[0, 0].numpy(), labelled["frames"].values.mean(1)
+    drawing = frames_figure({decoder: pictures}, {decoder: values}, shown=min(len(pictures), 8))
+    save_figure(drawing, figure, overwrite=overwrite)
 
 
 def frames_of(estimate: Estimate) -> xr.Dataset:

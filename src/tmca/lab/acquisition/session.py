@@ -100,21 +100,29 @@ def capture(
             files, record["frames"] = calls.of(partial(device.files_of_frames, names)), {}
             wanted += [CaptureFrame(name, None, DARK) for name in files if name not in names]
         size = None if camera is None else tuple(camera.snapshot_shape)
-        places = {frame.name: files.get(frame.name, folder / frame.name) for frame in wanted}
-        for frame in wanted if files else ():  # all of them before any is kept
-            _, size = checked_frame(calls, frame, places[frame.name], size, saturation)
-        for done, frame in enumerate(wanted):
-            cached = frame.name in record["frames"]
-            if not cached:
-                values, size = checked_frame(calls, frame, places[frame.name], size, saturation)
-                file = files.get(frame.name)
-                source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
-                keep(values, frame, record, folder, source)
-            if progress:
-                progress(done + 1, len(wanted), f"{frame.name} (cached)" if cached else frame.name)
+        _take(calls, wanted, files, record, folder, size, saturation, progress)
         if finish:
             finish()
     return folder
+
+
+def _take(
+    calls: Calls, wanted: list[CaptureFrame], files: Mapping[str, Path], record: dict[str, Any], folder: Path,
+    size: tuple[int, ...] | None, saturation: float, progress: Progress | None,
+) -> None:  # fmt: skip
+    """Keep the frames that are not there yet; of those that are ``files`` none before all of them are checked."""
+    places = {frame.name: files.get(frame.name, folder / frame.name) for frame in wanted}
+    for frame in wanted if files else ():
+        _, size = checked_frame(calls, frame, places[frame.name], size, saturation)
+    for done, frame in enumerate(wanted, 1):
+        cached = frame.name in record["frames"]
+        if not cached:
+            values, size = checked_frame(calls, frame, places[frame.name], size, saturation)
+            file = files.get(frame.name)
+            source = {} if file is None else {SOURCE: {"file": file.name, "sha256": checksum_of(file)}}
+            keep(values, frame, record, folder, source)
+        if progress:
+            progress(done, len(wanted), f"{frame.name} (cached)" if cached else frame.name)
 
 
 def units_of(device: Device, camera: Camera | None, manifest: dict[str, Any], saturation: float) -> float:
@@ -192,13 +200,10 @@ def joined(folder: str | Path, export: str | Path, camera: Camera) -> Snapshot[A
     if missing := [frame.name for frame in wanted if frame.name not in record["frames"]]:
         raise DataError(folder, f"no frame {', '.join(missing[:3])}", "all of the export", "go on with `tmca capture`")
     series = _series(place, record, camera)
-    means = {of: frames.mean(0) for of, frames in series.items()}
     reached = torch.stack([(frames >= float(how["saturation"])).any(1).any(0) for frames in series.values()]).any(0)
     names = [frame.name for frame in wanted if frame.of != DARK]
-    frames = torch.stack([means[name] - means[DARK] for name in names]) * float(how["gain"])
     opened = opened_of(export, camera)
-    frames = frames * opened.to(frames)[:, None]
-    values = frames.sum(0) if camera.exposure == "per-slot" else frames.mean(0)
+    values = _light([series[name] for name in names], series[DARK], opened, float(how["gain"]), camera)
     repeats = torch.tensor([float(len(series[name])) for name in names])
     alike = _repeats(repeats, opened)
     camera = with_noise(camera, float(how["gain"]) * read_noise(series[DARK], repeats, opened, camera), alike)
@@ -228,6 +233,15 @@ def _series(folder: Path, record: dict[str, Any], camera: Camera) -> dict[str, t
         check_size(folder / f"{name}.tif", "a frame", values.shape, camera.snapshot_shape)
         series.setdefault(about["of"], []).append(torch.from_numpy(values))
     return {of: torch.stack(frames) for of, frames in series.items()}
+
+
+def _light(
+    frames: list[torch.Tensor], dark: torch.Tensor, opened: torch.Tensor, gain: float, camera: Camera
+) -> torch.Tensor:
+    """(C, H, W) of an exposure, in snapshot units: of its frames through the shutter, each a mean of its repeats."""
+    light = torch.stack([repeats.mean(0) - dark.mean(0) for repeats in frames]) * gain
+    light = light * opened.to(light)[:, None]
+    return light.sum(0) if camera.exposure == "per-slot" else light.mean(0)
 
 
 def _repeats(taken: torch.Tensor, opened: torch.Tensor) -> float:

@@ -60,9 +60,7 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     if not seen.max() > 0:
         raise DataError(source, "no light in any bucket", "even light", "check the lamp and the codes of the frames")
     shares, turns = seen / float(seen[:buckets].sum() / buckets), len(seen) > buckets
-    own = torch.eye(buckets, dtype=torch.float64)
-    each, in_turn = own[:, :, None].expand(-1, -1, slots), own[:, torch.arange(slots) % buckets]
-    shown = torch.cat((each, in_turn[:, None]), 1)[:, : len(seen)].transpose(1, 2)  # (R, K, S)
+    shown = _sorted_slots(buckets, slots)[:, :, : len(seen)]
 
     def predicted(values: Array) -> Array:
         light, leakage, transfer = values[0], values[1], values[2] if turns else 0.0
@@ -78,6 +76,13 @@ def measure_buckets(levels: ArrayLike, slots: int, *, source: object = "buckets"
     std[: 1 + turns] = fit_std(fit)[1:]
     transfer = float(fit.x[2]) if turns else 0.0
     return BucketMixing(shares, predicted(fit.x), leakage, transfer, std, float(np.sqrt((fit.fun**2).mean())))
+
+
+def _sorted_slots(buckets: int, slots: int) -> torch.Tensor:
+    """(R, K, R + 1) the buckets of K slots: all in one of them, and all in turn at the end."""
+    own = torch.eye(buckets, dtype=torch.float64)
+    each, in_turn = own[:, :, None].expand(-1, -1, slots), own[:, torch.arange(slots) % buckets]
+    return torch.cat((each, in_turn[:, None]), 1).transpose(1, 2)
 
 
 def _mixing(buckets: int, leakage: float) -> Array:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,14 +11,21 @@ from tmca.cameras import Snapshot
 from tmca.data import metres_to_nm, nm_to_metres
 from tmca.errors import DataError, SettingError
 from tmca.lab.calibration.buckets import measure_buckets
+from tmca.lab.calibration.captured import Captured, Fitted, StepSettings
 from tmca.lab.calibration.captures import averaged, read_captures, read_patterns, taken_with, whole_exposures
-from tmca.lab.calibration.displacement import REGISTERED_AT, Curve, measure_dispersion, measure_shear
-from tmca.lab.calibration.file import Calibration
+from tmca.lab.calibration.displacement import REGISTERED_AT, measure_dispersion, measure_shear
 from tmca.lab.calibration.psf import fit_zernike_psf, measure_psf, wavefront_rms
 from tmca.lab.calibration.registration import register
-from tmca.lab.calibration.sensor import DarkField, measure_dark, measure_flat, measure_flats, measure_linearity
+from tmca.lab.calibration.sensor import (
+    DarkField,
+    FlatField,
+    measure_dark,
+    measure_flat,
+    measure_flats,
+    measure_linearity,
+)
 from tmca.lab.calibration.timing import measure_timing
-from tmca.lab.frames import Array, Frames, named
+from tmca.lab.frames import Array, named
 
 VIEW = re.compile(r"view_(-?\d+)_(-?\d+)(?:_|$)")
 SLOTS = re.compile(r"aperture_(\d+)_shutter_(\d+)(?:_|$)")
@@ -35,90 +39,6 @@ DRAWN = "drawn_map"
 """Note of a registration's frames: where the mask was drawn, (2, 3) from code to sensor pixels."""
 WHOLE_EXPOSURES = "whole_exposures"
 """Setting of a flat that a bench took: whether the sensor codes its shutter, and has a timing."""
-
-
-@dataclass(frozen=True)
-class StepSettings:
-    """What frames do not say themselves; where None, what the bench noted with them, or the default.
-
-    Args:
-        patterns: folder of those that were shown.
-        pattern: which of them dispersion and shear show, from 0; 3.
-        white: frames of a white scene, mask and shutter held open for the exposure of a snapshot; without them the
-            level of the flat stands for white.
-        reflectance: of that scene, as a share: a grey reference does not saturate; 1.
-        wavelength: of the registration, metres; needed before a disperser.
-        scale: sensor pixels per mask pixel, to 6 %.
-        device: (rows, columns) of the mask, to be checked.
-        power: text file of the source's power: nm, power.
-        curve, order: of the dispersion, see `tmca.lab.calibration.displacement.measure_dispersion`.
-        snapshot: a file of the camera, whose masks and bench ``psf`` frames are of.
-        slot: whose mask they show.
-        saturation: of all frames.
-    """
-
-    patterns: str | Path | None = None
-    pattern: int | None = None
-    white: str | Path | None = None
-    reflectance: float | None = None
-    wavelength: float | None = None
-    scale: float = 1.0
-    device: tuple[int, int] | None = None
-    power: str | Path | None = None
-    curve: Curve = "cauchy"
-    order: int = 3
-    snapshot: str | Path | None = None
-    slot: int = 0
-    saturation: float | None = None
-
-
-@dataclass(frozen=True)
-class Captured:
-    """Frames of a step, and what it builds on."""
-
-    frames: Frames
-    path: Path
-    calibration: Calibration
-    given: StepSettings
-
-    @property
-    def buckets(self) -> int:
-        """R of a pixel."""
-        return self.frames.values.shape[1] if self.frames.values.ndim == 4 else 1
-
-    def by_name(self, pattern: re.Pattern[str], example: str) -> tuple[Array, list[tuple[float, ...]]]:
-        """Light of the frames, those of one name averaged, and the numbers in their names, ascending."""
-        values, keys = averaged(self.frames.values, named(self.frames, pattern, example))
-        return self.calibration.light(values), keys
-
-    def pattern(self) -> tuple[int, Array]:
-        """Number and (h, w) of the pattern that was shown, of the size that was registered."""
-        shown = read_patterns(self.given.patterns or "", self.calibration.part("registration").codes)
-        index = taken_with(self.path).get("pattern", 3) if self.given.pattern is None else self.given.pattern
-        if not 0 <= index < len(shown):
-            raise SettingError("pattern", str(index), f"0 to {len(shown) - 1}")
-        if (share := shown[index].mean()) in (0.0, 1.0):
-            raise SettingError("pattern", f"{index}, which is all {'open' if share else 'dark'}", "a coded one")
-        return index, shown[index]
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """What a step measured.
-
-    Args:
-        part: see `tmca.lab.calibration.file.KINDS`.
-        residuals: what it says of its own errors.
-        settings: of the fit.
-        sources: beside the frames; None are left out.
-        codes: (rows, columns) of the mask.
-    """
-
-    part: Any
-    residuals: Mapping[str, float]
-    settings: Mapping[str, Any] = field(default_factory=dict)
-    sources: Iterable[str | Path | None] = ()
-    codes: tuple[int, int] | None = None
 
 
 def dark(seen: Captured) -> dict[str, Fitted]:
@@ -135,17 +55,12 @@ def dark(seen: Captured) -> dict[str, Fitted]:
 
 def flat(seen: Captured) -> dict[str, Fitted]:
     dark, given = seen.calibration.part("dark"), seen.given
-    reflectance = 1.0 if given.reflectance is None else given.reflectance
-    if not 0 < reflectance <= 1:
-        raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
+    reflectance = _reflectance(given)
     if seen.buckets == 1:
         field = measure_flat(seen.frames.values, dark, source=seen.path)
     else:
         field = measure_flats(_of_buckets(seen, dark), dark, source=seen.path)
-    level = field.level
-    if given.white is not None:
-        level = _white(given.white, seen.calibration.with_part("flat", field, {}), given.saturation)
-    level /= reflectance
+    level = _white_level(seen, field) / reflectance
     residuals = {
         "level_dn": field.level,
         "nonuniformity": field.nonuniformity,
@@ -163,6 +78,14 @@ def flat(seen: Captured) -> dict[str, Fitted]:
     return {"flat": Fitted(field, residuals, settings, [given.white])}
 
 
+def _reflectance(given: StepSettings) -> float:
+    """Of the white reference, 1 where none is given."""
+    reflectance = 1.0 if given.reflectance is None else given.reflectance
+    if not 0 < reflectance <= 1:
+        raise SettingError("--reflectance", f"{reflectance:g}", "a share of white, above 0 and up to 1")
+    return reflectance
+
+
 def _of_buckets(seen: Captured, dark: DarkField) -> list[Array]:
     """Of every bucket the frames (N, H, W) with all slots in it, and on them what leaks into it from others."""
     owner = np.array([int(key[0]) for key in named(seen.frames, BUCKET, "flat_bucket_0_3")])
@@ -174,9 +97,14 @@ def _of_buckets(seen: Captured, dark: DarkField) -> list[Array]:
     return [values[owner == r][:, r] + means[:, r].sum(0) - means[r, r] for r in range(seen.buckets)]
 
 
-def _white(path: str | Path, calibration: Calibration, saturation: float | None) -> float:
-    """Level of white in the middle third of the sensor, where a disperser lays all bands on one another."""
-    frames = read_captures(path, saturation=saturation, sensor=calibration.about["camera"]["sensor"])
+def _white_level(seen: Captured, field: FlatField) -> float:
+    """Level of white in the middle third of the sensor, where a disperser lays all bands on one another; without
+    frames of white that of the flat."""
+    path = seen.given.white
+    if path is None:
+        return field.level
+    calibration = seen.calibration.with_part("flat", field, {})
+    frames = read_captures(path, saturation=seen.given.saturation, sensor=calibration.about["camera"]["sensor"])
     rows, columns = (slice(n // 3, n - n // 3) for n in frames.values.shape[-2:])
     values = calibration.light(frames.values)[:, rows, columns]
     level = float(np.median(values.mean(axis=0)))
@@ -206,12 +134,10 @@ def linearity(seen: Captured) -> dict[str, Fitted]:
 
 
 def registration(seen: Captured) -> dict[str, Fitted]:
-    given, wave, light = seen.given, seen.given.wavelength, seen.calibration.light(seen.frames.values)
+    given, light = seen.given, seen.calibration.light(seen.frames.values)
     if given.patterns is None:
         raise SettingError("--patterns", "none", "the folder of those that were shown")
-    shown = read_patterns(given.patterns, given.device)
-    if wave is None and (noted := taken_with(seen.path).get("wavelength_nm")) is not None:
-        wave = float(nm_to_metres(noted))
+    shown, wave = read_patterns(given.patterns, given.device), _wavelength(seen)
     above_dark = seen.calibration.part("dark") is not None
     registered = register(light, shown, scale=given.scale, wavelength=wave, above_dark=above_dark, source=seen.path)
     residuals = {
@@ -229,6 +155,12 @@ def registration(seen: Captured) -> dict[str, Fitted]:
         residuals |= {name: getattr(registered, name) for name in ("contrast_ratio", "leakage", "leakage_std")}
     settings = {"wavelength_m": wave, "scale": given.scale}
     return {"registration": Fitted(registered, residuals, settings, [given.patterns], registered.codes)}
+
+
+def _wavelength(seen: Captured) -> float | None:
+    """Metres of the light of a registration, as it is given, else as the bench noted it."""
+    noted = taken_with(seen.path).get("wavelength_nm") if seen.given.wavelength is None else None
+    return seen.given.wavelength if noted is None else float(nm_to_metres(noted))
 
 
 def timing(seen: Captured) -> dict[str, Fitted]:
@@ -348,22 +280,12 @@ def shear(seen: Captured) -> dict[str, Fitted]:
 
 
 def psf(seen: Captured) -> dict[str, Fitted]:
-    slot = seen.given.slot
-    if seen.given.snapshot is None:
-        raise DataError(
-            seen.path, "points, and no camera", "a snapshot file that says its masks", "name it: --snapshot"
-        )
-    camera = _phase_mask_camera(seen.given.snapshot, slot)
-    light, keys = seen.by_name(POINT, "point_0.6m_550nm")
-    depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
-    if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
-        found = f"no capture at {gone[0][0]:g} m and {gone[0][1]:g} nm"
-        raise DataError(seen.path, found, f"all of {len(depths)} depths and {len(nm)} wavelengths", "capture it")
-    cube, waves = light.reshape(len(depths), len(nm), *light.shape[1:]), np.asarray(nm_to_metres(np.array(nm)))
+    camera, slot = _phase_mask_camera(seen), seen.given.slot
+    cube, depths, waves = _points(seen)
     stack = measure_psf(cube, depths, waves, camera.bench.window, source=seen.path)
     nominal = camera.codes()[0][slot].detach().double().numpy()
     fit = fit_zernike_psf(stack, camera.bench, nominal=nominal, source=seen.path)
-    middle = float(stack.wavelengths[len(nm) // 2])
+    middle = float(stack.wavelengths[len(waves) // 2])
     residuals = {
         "residual": fit.residual,
         "snr_db": stack.snr_db,
@@ -377,8 +299,22 @@ def psf(seen: Captured) -> dict[str, Fitted]:
     }
 
 
-def _phase_mask_camera(snapshot: str | Path, slot: int) -> Any:
+def _points(seen: Captured) -> tuple[Array, list[float], Array]:
+    """(Z, L, H, W) light of points at all depths and wavelengths, both in metres."""
+    light, keys = seen.by_name(POINT, "point_0.6m_550nm")
+    depths, nm = (sorted({key[i] for key in keys}) for i in (0, 1))
+    if gone := [(z, w) for z in depths for w in nm if (z, w) not in keys]:
+        missing = f"no capture at {gone[0][0]:g} m and {gone[0][1]:g} nm"
+        raise DataError(seen.path, missing, f"all of {len(depths)} depths and {len(nm)} wavelengths", "capture it")
+    return light.reshape(len(depths), len(nm), *light.shape[1:]), depths, np.asarray(nm_to_metres(np.array(nm)))
+
+
+def _phase_mask_camera(seen: Captured) -> Any:
     """The camera of a snapshot file, whose mask of a slot is measured."""
+    snapshot, slot = seen.given.snapshot, seen.given.slot
+    if snapshot is None:
+        expected, remedy = "a snapshot file that says its masks", "name it: --snapshot"
+        raise DataError(seen.path, "points, and no camera", expected, remedy)
     camera = Snapshot.load(snapshot).camera
     if "heights" not in camera.plane_names:
         remedy = "name a snapshot of the camera that the points are of"

@@ -222,14 +222,19 @@ def register(
     blur, std, middle = abs(float(fit.x[6])), fit_std(fit), np.array([(n - 1) / 2 for n in codes])
     std = np.hstack([std[2:6].reshape(2, 2) / middle, std[:2, None]])
     registered = Registration(matrix, std, blur, residual, codes, sensor, wavelength, *leakage)
+    _check_fit(registered, source)
+    return registered
+
+
+def _check_fit(registered: Registration, source: object) -> None:
+    """Raises DataError for a fit that leaves too much of the patterns, or in doubt where the mask is."""
     for what, left, most in (
-        ("of the patterns' contrast", residual, LARGEST_RESIDUAL),
+        ("of the patterns' contrast", registered.residual, LARGEST_RESIDUAL),
         ("pixels of doubt about the mask's corners", registered.edge_std, LARGEST_STD),
     ):
         if not left <= most:
             remedy = "is there light and focus enough, is --scale right, and are frames and patterns in one order?"
             raise DataError(source, f"a fit that leaves {left:.2g} {what}", f"{most:g} at most", remedy)
-    return registered
 
 
 def _scale(matrix: Array) -> float:

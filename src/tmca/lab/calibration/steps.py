@@ -11,9 +11,9 @@ from typing import Any
 from tmca.cameras import Camera
 from tmca.errors import DataError
 from tmca.lab.calibration import fits, shots
+from tmca.lab.calibration.captured import Captured, Fitted, StepSettings
 from tmca.lab.calibration.captures import read_captures, taken_with
 from tmca.lab.calibration.file import Calibration
-from tmca.lab.calibration.fits import Captured, Fitted, StepSettings
 from tmca.lab.calibration.parts import kind_of
 from tmca.lab.cameras import LAB_CAMERAS, lab_camera
 from tmca.lab.display.manifest import exposed_whole
@@ -141,6 +141,17 @@ def measure(name: str, calibration: Calibration, path: str | Path, given: StepSe
     return calibration
 
 
+def _steps_in(folder: str | Path) -> list[str]:
+    """The steps whose frames are in a folder, in the order in which they build on each other."""
+    slots = sorted(Path(folder).glob("psf*"), key=lambda one: (len(one.name), one.name))
+    wanted = [name for name, step in STEPS.items() if step.fit] + [one.name for one in slots]
+    there = [name for name in wanted if Path(folder, name).is_dir()]
+    if not there:
+        remedy = "take them with tmca calibrate capture, or name one step's folder: tmca calibrate dark FOLDER"
+        raise DataError(folder, "no frames of any step", f"folders {', '.join(STEPS)}", remedy)
+    return there
+
+
 def measure_all(
     folder: str | Path, start: Calibration, given: StepSettings | None = None
 ) -> Iterator[tuple[str, Calibration]]:
@@ -161,12 +172,7 @@ def measure_all(
     place, given = Path(folder), given or StepSettings()
     if not place.is_dir():
         raise DataError(folder, "no such folder", "one with the frames of steps", "check the path")
-    slots = sorted(place.glob("psf*"), key=lambda one: (len(one.name), one.name))
-    wanted = [name for name, step in STEPS.items() if step.fit] + [one.name for one in slots]
-    there = [name for name in wanted if (place / name).is_dir()]
-    if not there:
-        remedy = "take them with tmca calibrate capture, or name one step's folder: tmca calibrate dark FOLDER"
-        raise DataError(folder, "no frames of any step", f"folders {', '.join(STEPS)}", remedy)
+    there = _steps_in(folder)
     white, power = place / "white", place / "source.csv"
     if not white.is_dir() and "flat" in there and taken_with(place / "flat"):
         remedy = "take them: tmca calibrate capture white"

@@ -12,7 +12,7 @@ from torch import Tensor
 from tmca.cameras import SpectralCamera
 from tmca.data import metres_to_nm
 from tmca.errors import DataError, SettingError
-from tmca.lab.calibration.displacement import REGISTERED_AT
+from tmca.lab.calibration.displacement import REGISTERED_AT, MeasuredDispersion
 from tmca.lab.calibration.file import Calibration
 from tmca.lab.calibration.pattern_image import moved, seen_patterns
 from tmca.lab.cameras.base import BRIGHT, Light, check_light
@@ -52,10 +52,7 @@ class SpectralLab(CodedLab):
         dispersion = camera.dispersion
         if measured is not None:
             dispersion = measured.dispersion(camera.wavelengths, start - _registered_since(calibration))
-        response = camera.response.detach().double().numpy() * light
-        if measured is not None:
-            relative = measured.response_at(camera.wavelengths)
-            response = relative * response.sum() / relative.sum()
+        response = _response(camera, light, measured)
         first, width = camera.dispersion.origin - dispersion.origin, camera.size[1] + dispersion.extent
         wide = on_columns(torch.from_numpy(leaking_shutter(camera, calibration)), first, width)
         kappa = torch.from_numpy(response).clamp(min=0).to(torch.get_default_dtype())
@@ -112,6 +109,15 @@ def _registered_since(calibration: Calibration) -> float:
     if abs(known - registration.wavelength) < _NEAR:
         return 0.0
     return float(calibration.part("dispersion").at([registration.wavelength])[0, 1])
+
+
+def _response(camera: SpectralCamera, light: float, measured: MeasuredDispersion | None) -> Array:
+    """Of the bands, in all that of the camera by this light; as it was measured, where it was."""
+    response = camera.response.detach().double().numpy() * light
+    if measured is None:
+        return response
+    relative = measured.response_at(camera.wavelengths)
+    return relative * response.sum() / relative.sum()
 
 
 def _reference_shift(camera: SpectralCamera, calibration: Calibration) -> float:

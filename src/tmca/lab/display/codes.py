@@ -159,21 +159,31 @@ def _of_file(path: Path, size: Size | None = None) -> Planes:
         larger = size is not None and repeats(camera) and any(a > b for a, b in zip(size, camera.size, strict=True))
         return planes_of(camera.replace(size=size) if larger else camera, str(path))
     if "heights" in stored:
-        described = read_phase_codes(path)
-        planes = {"heights": described["mask"]().detach(), "shutter": described["shutter"]}
-        settings = {"material": described["bench"].material, "exposure": described["exposure"]}
-        modes = family_parameters(described["mask"])
-        return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
+        return _of_masks(path)
     if "aperture" in stored:
-        codes = read_codes(path)
-        shutter = by_slot(codes.shutter.flatten(0, -3), len(codes.aperture), codes.buckets)
-        planes, kind = {"aperture": codes.aperture, "shutter": shutter}, str(stored.attrs.get("camera", ""))
-        sensor = attributes_of(_Designed, stored.attrs, path).sensor
-        return Planes(
-            str(path), kind, planes, tuple(planes) if codes.period else (), buckets=codes.buckets,
-            exposure=None if sensor is None else sensor.exposure,
-        )  # fmt: skip
+        return _of_apertures(path, stored.attrs)
     raise DataError(path, f"variables {', '.join(map(str, stored))}", "codes, or a snapshot", "see docs/devices.md")
+
+
+def _of_masks(path: Path) -> Planes:
+    """Phase masks of a spectral-depth camera, and its shutter."""
+    described = read_phase_codes(path)
+    planes = {"heights": described["mask"]().detach(), "shutter": described["shutter"]}
+    settings = {"material": described["bench"].material, "exposure": described["exposure"]}
+    modes = family_parameters(described["mask"])
+    return Planes(str(path), "spectral-depth", planes, ("shutter",), modes, settings)
+
+
+def _of_apertures(path: Path, attributes: Mapping[str, Any]) -> Planes:
+    """Codes of an aperture and a shutter, with the exposure that they were designed for."""
+    codes = read_codes(path)
+    shutter = by_slot(codes.shutter.flatten(0, -3), len(codes.aperture), codes.buckets)
+    planes, kind = {"aperture": codes.aperture, "shutter": shutter}, str(attributes.get("camera", ""))
+    sensor = attributes_of(_Designed, attributes, path).sensor
+    return Planes(
+        str(path), kind, planes, tuple(planes) if codes.period else (), buckets=codes.buckets,
+        exposure=None if sensor is None else sensor.exposure,
+    )  # fmt: skip
 
 
 def repeats(camera: Any) -> bool:

@@ -131,13 +131,7 @@ def export_codes(
     Warns:
         CodesWarning: codes of a file alone, without a period, that cover little of a device.
     """
-    for name, asked in (("--code-size", code_size), ("--sensor-size", sensor_size)):
-        if asked is not None and min(asked) < 1:
-            raise SettingError(name, f"{asked[0]}x{asked[1]}", "HEIGHTxWIDTH of one pixel or more")
-    planes = [device.plane for device in devices]
-    if not planes or len(set(planes)) < len(planes):
-        found = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
-        raise SettingError("--device", found, "one device for each plane that is shown")
+    _check_asked(devices, code_size, sensor_size)
     check_free(Path(out), overwrite)
     sizes = {"aperture": code_size, "shutter": sensor_size}
     shown: list[_Shown] = []
@@ -153,6 +147,17 @@ def export_codes(
         shown.append((device, plane, placement))
         _warn_of_small_codes(codes, device, placement)
     return _written(codes, shown, Path(out), codes.exposure or EXPOSURE if exposure is None else exposure)
+
+
+def _check_asked(devices: Sequence[DeviceDescription], code_size: Size | None, sensor_size: Size | None) -> None:
+    """Raises SettingError for sizes below a pixel, or for no device or two of one plane."""
+    for name, asked in (("--code-size", code_size), ("--sensor-size", sensor_size)):
+        if asked is not None and min(asked) < 1:
+            raise SettingError(name, f"{asked[0]}x{asked[1]}", "HEIGHTxWIDTH of one pixel or more")
+    planes = [device.plane for device in devices]
+    if not planes or len(set(planes)) < len(planes):
+        named = f"{len(planes)} of them, for {', '.join(planes) or 'nothing'}"
+        raise SettingError("--device", named, "one device for each plane that is shown")
 
 
 def _warn_of_small_codes(codes: Planes, device: DeviceDescription, placement: Placement) -> None:

@@ -119,11 +119,7 @@ def measure_depth(
     check_range("neighbours", neighbours, 0, 8, whole=True)
     check_size(capture.source, "frames", capture.values.shape[2:], calibration.camera.size, "calibrate at that size")
     check_size("fringes", "a projector", plan.size, calibration.projector.size, "calibrate at that size")
-    phases = measure_phases(capture.values, noise)
-    if not noise and phases.noise <= capture.step / 4:
-        # rounding to whole numbers is noise too, and all of it where there is no other
-        rounding = max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
-        phases = measure_phases(capture.values, rounding)
+    phases = _phases(capture, noise)
     why, absolute = _unwrapped(phases, capture, plan, unwrap)
     position = plan.position(absolute)
     std = phases.std[-1] * plan.extent / (2 * np.pi * plan.fringes[-1])
@@ -163,6 +159,15 @@ def depth_error(measured: xr.Dataset, truth: xr.DataArray) -> dict[str, float]:
     ratio = float(np.median(np.abs(error / measured["depth_std"].values)[both]) / 0.6745)
     percent = 100 * rmse / spread if spread else float("nan")
     return {"rmse": rmse, "largest": float(np.abs(error[both]).max()), "rmse_percent": percent, "in_deviations": ratio}
+
+
+def _phases(capture: Capture, noise: float | None) -> Phases:
+    """Phases of the fringes; rounding to whole numbers is noise too, and all of it where there is no other."""
+    phases = measure_phases(capture.values, noise)
+    if not noise and phases.noise <= capture.step / 4:
+        rounding = max(capture.step / np.sqrt(12), 1e-6 * float(np.ptp(capture.values)))
+        phases = measure_phases(capture.values, rounding)
+    return phases
 
 
 def _unwrapped(phases: Phases, capture: Capture, plan: FringePlan, unwrap: Unwrapping) -> tuple[Why, Array]:
