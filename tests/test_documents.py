@@ -1,5 +1,6 @@
 """Documents name what is there: tests that hold an erratum, presets."""
 
+import pydoc
 import re
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tmca.cameras import LightFieldCamera, SpectralDepthCamera
+from tmca.decoders.nets.shipped import FOLDER
 from tmca.training import TRAININGS
 
 ROOT = Path(__file__).parents[1]
@@ -46,6 +48,13 @@ def test_pages_say_what_they_are_for_in_paragraphs_of_six_lines():
         for paragraph in paragraphs:
             told = paragraph.startswith(("|", "#", "- ", "<", "1."))
             assert told or len(paragraph) <= SIX_LINES, f"{page.name}: {paragraph[:60]}"
+
+
+def test_python_names_of_pages_are_there():
+    pages = [*PAGES, *(ROOT / "docs" / "results").glob("*.md"), ROOT / "README.md", FOLDER / "README.md"]
+    for page in pages:
+        for parts in re.findall(r"(?<![\w./-])tmca((?:\.[A-Za-z_]\w*)+)", page.read_text()):
+            assert pydoc.locate(f"tmca{parts}") is not None, f"{page.name}: tmca{parts}"
 
 
 def test_the_site_has_every_page_in_its_navigation():
