@@ -191,8 +191,8 @@ def test_the_network_of_the_depth_camera_corrects_colours_of_a_rendered_scene_at
 
 @pytest.mark.parametrize(("kind", "slots"), [("spectral", 8), ("light-field", 8), ("spectral-depth", 4)])
 def test_cameras_that_come_with_tmca_are_named_by_their_kind(kind, slots):
-    found = Weights.find(f"default-{kind}")
-    assert (found.kind, found.camera.slots, found.path) == (kind, slots, Weights.file("default", slots, kind))
+    weights = Weights.find(f"default-{kind}")
+    assert (weights.kind, weights.camera.slots, weights.path) == (kind, slots, Weights.file("default", slots, kind))
     assert Weights.file("default-of-mine") == Path("default-of-mine")
 
 

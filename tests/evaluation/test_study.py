@@ -73,7 +73,7 @@ def test_a_study_measures_what_the_cameras_give_and_resumes(tmp_path, capsys, mo
 
 def test_codes_may_be_those_of_weights(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    codes = {"one": {"weights": "default", "camera": {"slots": 1}}, "several": {"weights": "default"}}
+    codes = {"one": {"weights": "default", "camera": {"slots": 1}}, "several": {"weights": "default-spectral"}}
     about = {"codes": codes, "reading": {"bands": 12, "size": [40, 48]}, "seeds": 1, "decoders": ["dagger", "network"]}
     file = written(tmp_path, **about, options={"network": {"weights": "default"}})
     study = read_study(file)
@@ -93,6 +93,7 @@ def test_codes_may_be_those_of_weights(tmp_path, monkeypatch, capsys):
     [
         ({"weights": "nowhere"}, "codes.mine.weights: found nowhere: nowhere: found no such file"),
         ({"weights": "universal"}, "codes.mine.weights: found universal"),
+        ({"weights": "default-light-field"}, "codes.mine.weights: found default-light-field"),
         ({"weights": "default", "camera": {"slots": 4}}, "slots = 4 beside weights of 8"),
         ({"weights": "default", "camera": {"shutter": "open"}}, "shutter beside weights"),
         ({"weights": "default", "file": "codes.nc"}, "codes of file and weights"),

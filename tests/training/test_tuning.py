@@ -8,6 +8,8 @@ import torch
 
 from tests.lab.calibration.test_apply import dispersed, registered, with_parts
 from tests.training import tiny
+from tmca import simulate
+from tmca.applications import application_of
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import write_dataset
 from tmca.decoders import Weights
@@ -122,6 +124,21 @@ def test_a_calibrated_operator_is_what_it_learns_behind_and_is_kept(run, tmp_pat
     kept = Weights.load(found.weights)
     assert not set(kept.codes["aperture"].unique().tolist()) <= {0.0, 1.0}  # grey: the registered mask
     assert kept.card["tuning"]["calibration"]["sha256"]
+
+
+@pytest.mark.parametrize(("kind", "scene"), [("light-field", "coffee:1"), ("spectral-depth", "motorcycle")])
+def test_cameras_that_come_with_tmca_are_fine_tuned(kind, scene, tmp_path):
+    weights = f"default-{kind}"
+    camera = Weights.find(weights).camera_for((48, 64), sensor=Sensor(read_noise=0.01))
+    truth = application_of(camera).truth(scene, camera, {}, False)
+    for name in NAMES[:2]:
+        simulate(truth, camera).save(tmp_path / f"{name}.nc")
+        write_dataset(truth if kind == "spectral-depth" else truth.to_dataset(), tmp_path / f"{name}_truth.nc")
+    tuning = prepared(weights, tmp_path, validation=["second"])
+    assert (tuning.camera.kind, tuning.camera.size, tuning.settings.data.train) == (kind, (48, 64), ("first",))
+    assert same(tuning.weights, Weights.find(weights))
+    pair = tuning.read("second")
+    assert pair.truth.shape[-2:] == (48, 64)
 
 
 @pytest.mark.parametrize(

@@ -94,8 +94,13 @@ def read(
     if bands is None and scaled == "integer type" and (hint := few_counts(stored.dtype, float(pixels.max()))):
         warn(f"{path}: {hint}", SceneWarning, stacklevel=2)
     pixels /= np.float32(by)
-    about = {"source": str(path), "variable": stored.name, "scale": by, "scale_from": scaled}
-    about["wavelengths_from"] = origin
+    about = {
+        "source": str(path),
+        "variable": stored.name,
+        "scale": by,
+        "scale_from": scaled,
+        "wavelengths_from": origin,
+    }
     return label(pixels, metres[chosen], about, coords)
 
 

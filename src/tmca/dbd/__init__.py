@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tmca.dbd.channel import Channel
     from tmca.dbd.files import load_problem, save_problem, save_recovery
-    from tmca.dbd.identifiability import beyond_freedom
+    from tmca.dbd.identifiability import BeyondFreedom, LittleExplained, OneWay, SameSignals, beyond_freedom
     from tmca.dbd.model import Problem, Source, Truth, Units
     from tmca.dbd.noise import true_bounds
     from tmca.dbd.planes import delay_doppler_planes
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "channel": ("Channel",),
     "files": ("load_problem", "save_problem", "save_recovery"),
-    "identifiability": ("beyond_freedom",),
+    "identifiability": ("BeyondFreedom", "LittleExplained", "OneWay", "SameSignals", "beyond_freedom"),
     "model": ("Problem", "Source", "Truth", "Units"),
     "noise": ("true_bounds",),
     "planes": ("delay_doppler_planes",),
@@ -72,11 +72,11 @@ _HOMES = {
 _MODULES = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
-    "BASES", "GRAMS", "MESSAGES", "METHODS", "Channel", "Chirp", "Ofdm", "Path", "Problem", "Recovery",
-    "SampledWaveform", "Scenario", "Score", "Separation", "Source", "Target", "Truth", "Units",
-    "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation", "load_problem",
-    "read_recording", "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score", "simulate",
-    "solve", "spectra_of_recording", "true_bounds", "waveform_source", "with_waveforms",
+    "BASES", "GRAMS", "MESSAGES", "METHODS", "BeyondFreedom", "Channel", "Chirp", "LittleExplained", "Ofdm", "OneWay",
+    "Path", "Problem", "Recovery", "SameSignals", "SampledWaveform", "Scenario", "Score", "Separation", "Source",
+    "Target", "Truth", "Units", "basis_from_waveform", "beyond_freedom", "delay_doppler_planes", "joint_separation",
+    "load_problem", "read_recording", "read_scenario", "read_waveforms", "save_problem", "save_recovery", "score",
+    "simulate", "solve", "spectra_of_recording", "true_bounds", "waveform_source", "with_waveforms",
 ]  # fmt: skip
 
 

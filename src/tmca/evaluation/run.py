@@ -79,18 +79,18 @@ def run_study(
     with held_folder(work), counting(progress, f"study {study.name}") as report:
         computing = partial(compute, folder=str(work), device=device, files=loaded(study.decoders))
         grid = Grid(computing, work, jobs, cluster, report)
-        found, measured = _results(study, split, grid, command)
-        _write(study, found, measured, out, overwrite)
+        outcome, measured = _results(study, split, grid, command)
+        _write(study, outcome, measured, out, overwrite)
         try:
             grid.check()
         except CellsFailed as failed:
-            failed.results = found
+            failed.results = outcome
             raise
-    return found
+    return outcome
 
 
 def _split(study: Study) -> Split:
-    """Scenes of a study by what they are for; none of those that are always measured is asked for once more."""
+    """Scenes of a study by what they are for; SettingError where a test scene is one that is measured anyway."""
     train, test, validation = (list(named_scenes(scenes)) for scenes in vars(study.scenes).values())
     if not test:
         raise SettingError("test", "no scenes", "scenes or split files")
@@ -114,17 +114,17 @@ def _results(study: Study, split: Split, grid: Grid, command: Sequence[str]) -> 
     measured = _measured(plan, grid, split["test"])
     if not any("metrics" in cell for cell in measured):
         grid.check()
-    found = results(study, measured, split, command, places) | {"failed": grid.reasons()}
+    outcome = results(study, measured, split, command, places) | {"failed": grid.reasons()}
     merit = study.evaluation.metric
-    return StudyResults(found, next(column for column in study.evaluation.columns if column[0] == merit)), measured
+    return StudyResults(outcome, next(column for column in study.evaluation.columns if column[0] == merit)), measured
 
 
-def _write(study: Study, found: StudyResults, measured: Sequence[Measured], out: Path, overwrite: bool) -> None:
+def _write(study: Study, outcome: StudyResults, measured: Sequence[Measured], out: Path, overwrite: bool) -> None:
     """The tables, the pictures and the page."""
-    rows = found["rows"]
-    write_table(found, markdown(found), rows, plain_columns(rows), out / study.name, overwrite)
-    write_pictures(study, found, measured, out, overwrite)
-    write_paper(study, found, measured, out, overwrite)
+    rows = outcome["rows"]
+    write_table(outcome, markdown(outcome), rows, plain_columns(rows), out / study.name, overwrite)
+    write_pictures(study, outcome, measured, out, overwrite)
+    write_paper(study, outcome, measured, out, overwrite)
 
 
 def _measured(plan: Plan, grid: Grid, test: Sequence[str]) -> list[Measured]:

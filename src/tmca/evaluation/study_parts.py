@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
 from tmca.decoders import Weights
-from tmca.decoders.nets.shipped import DEFAULT
+from tmca.decoders.nets.shipped import DEFAULT, KIND_OF_NAME
 from tmca.design.kinds import KINDS, buckets_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
@@ -143,7 +143,8 @@ class Code(Strict):
     @property
     def _trained(self) -> Weights | None:
         """Weights of a file or run; those that come with tmca have one bucket, and the slots that ``camera`` says."""
-        return None if self.weights in (None, DEFAULT) else Weights.load(str(self.weights))
+        named = self.weights in (None, DEFAULT, *KIND_OF_NAME)
+        return None if named else Weights.load(str(self.weights))
 
     @property
     def _stored(self) -> CodesFile | None:

@@ -46,17 +46,22 @@ def export(
     exposure: float | None = None,
     macro_pixel: float | None = None,
     mounting_angle: float | None = None,
+    code_size: tuple[int, int] | None = None,
+    sensor_size: tuple[int, int] | None = None,
     overwrite: bool = False,
 ) -> Export:
     """Write what devices show of codes: pictures or Zernike terms in the order of the slots, with a manifest.
 
     Args:
-        source: a snapshot file, a file of `tmca design`, a run of `tmca.train` or its weights.
+        source: a snapshot file, a file of `tmca design`, a run of `tmca.train` or its weights, or codes that come with
+            tmca: ``"default"`` (spectral, K = 8), ``"default-light-field"``, ``"default-spectral-depth"``.
         devices: names of presets or YAML files, one for each plane of the codes that is shown; see docs/devices.md.
         out: folder, written whole or not at all.
         exposure: of all slots together, seconds; that which the codes were designed for without, else 0.1 s.
         macro_pixel: device pixels along the side of a code pixel of the aperture, instead of the description's.
         mounting_angle: of the aperture's device, degrees.
+        code_size: (H, W) of the aperture's code; its own, or as many pixels of a tile as the device shows.
+        sensor_size: the same of the shutter; a sensor whose description says no size needs it for a tile.
         overwrite: replace an export.
 
     Raises:
@@ -66,7 +71,8 @@ def export(
     """
     changes = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     shown = [aperture_changed(name, changes) for name in devices]
-    return export_codes(read_planes(source), shown, out, exposure=exposure, overwrite=overwrite)
+    sizes = {"code_size": code_size, "sensor_size": sensor_size}
+    return export_codes(read_planes(source), shown, out, exposure=exposure, overwrite=overwrite, **sizes)
 
 
 def aperture_changed(name: str, changes: Mapping[str, Any]) -> DeviceDescription:

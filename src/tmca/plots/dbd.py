@@ -110,7 +110,7 @@ def _draw_source(row: Any, plane: Plane, top: float, factor: float, look: _Look)
 
 
 def _draw_matched(axis: Axes, plane: Plane, matched: np.ndarray, factor: float, look: _Look) -> Any:
-    """A source's matched filter; its image, None of a line."""
+    """Draw a source's matched filter; its image, or None where it is a line."""
     drawn = None
     decibels = 20 * np.log10(np.maximum(matched / max(float(matched.max()), 1e-300), 1e-10))
     if plane.norms.ndim == 2:

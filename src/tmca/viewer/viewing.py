@@ -93,7 +93,7 @@ class Viewer:
 
 
 def _silent_server(app: Any) -> Any:
-    """That says nothing, and does not wait for long when it is to end."""
+    """A server that prints nothing, and does not wait for long when it is to end."""
     import uvicorn
 
     config = uvicorn.Config(

@@ -91,6 +91,11 @@ def test_codes_that_come_with_tmca_are_exported(tmp_path, name, devices):
         assert torch.equal(shown["shutter"], whole.detach())
 
 
+def test_weights_that_bring_no_codes_are_not_exported():
+    with pytest.raises(SettingError, match="which brings none"):
+        read_planes("universal")
+
+
 def test_mirror_terms_are_the_modes_of_the_heights(tmp_path):
     camera = mirror()
     written = export(tmp_path, camera, "dmp40")

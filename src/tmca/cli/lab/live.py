@@ -185,10 +185,16 @@ def _run(loop: Any, takers: list[Callable[[Shown], None]], most: int | None) -> 
             handled()
         except TmcaError as error:
             failure = error
-    spent, summary = last - begun, {"estimates": done, "dropped": loop.dropped}
-    summary |= {"seconds": round(spent, 2), "rate": round(done / spent, 2) if done else 0.0, "interrupted": interrupted}
-    ms = {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()}
-    return {**summary, "ms": ms}, failure
+    spent = last - begun
+    summary = {
+        "estimates": done,
+        "dropped": loop.dropped,
+        "seconds": round(spent, 2),
+        "rate": round(done / spent, 2) if done else 0.0,
+        "interrupted": interrupted,
+        "ms": {stage: round(1e3 * statistics.median(values), 1) for stage, values in latencies.items()},
+    }
+    return summary, failure
 
 
 def _raise_what_ended(failure: TmcaError | None, too_early: bool) -> None:
@@ -200,7 +206,11 @@ def _raise_what_ended(failure: TmcaError | None, too_early: bool) -> None:
 
 
 def _give(shown: Shown, takers: list[Callable[[Shown], None]], latencies: dict[str, deque[float]]) -> float:
-    """Give an estimate to all that take it, and note how long its stages took; when that was done."""
+    """Give an estimate to all that take it, and note how long its stages took.
+
+    Returns:
+        When the last of them had it, seconds of the monotonic clock.
+    """
     ready = time.monotonic()
     for take in takers:
         take(shown)

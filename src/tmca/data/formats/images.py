@@ -253,12 +253,18 @@ def _tiff_array(path: Path, tiff: Any, waves: NDArray[np.float64] | None) -> Sto
         return np.asarray(tifffile.imread(path))[index]
 
     return lazy(
-        path, "TIFF", path.stem, tuple(series.shape), np.dtype(series.dtype), read,
+        path,
+        "TIFF",
+        path.stem,
+        tuple(series.shape),
+        np.dtype(series.dtype),
+        read,
         dims=("band", "y", "x") if per_page and named else (),
         wavelengths=_from_labels(labels) if labels else waves,
-        usual_axis=0 if per_page else -1, pages=per_page,
+        usual_axis=0 if per_page else -1,
+        pages=per_page,
         full_scale=1.0 if about.get("quantity") == "relative irradiance" else None,
-    )  # fmt: skip
+    )
 
 
 def _from_labels(labels: list[str]) -> NDArray[np.float64] | None:

@@ -91,9 +91,14 @@ def rendered_scene(
     bands, spectrum = lit_bands(centres, light_name)
     spectral, depth = _render(entry, seed, crop, bands, _VARIETY[light])
     about = {
-        "name": entry.name, **origin(entry), "split": entry.split, "illuminant": light_name,
-        "depth_source": entry.depth, "white_reflectance": WHITE, "seed": seed,
-    }  # fmt: skip
+        "name": entry.name,
+        **origin(entry),
+        "split": entry.split,
+        "illuminant": light_name,
+        "depth_source": entry.depth,
+        "white_reflectance": WHITE,
+        "seed": seed,
+    }
     if light == "drawn":
         rng = generator(crc32(f"light {entry.key}".encode()), seed)
         spectral = lit(spectral, spectrum, depth, regions(entry, *COARSE)[crop], rng)

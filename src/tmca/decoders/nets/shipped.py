@@ -17,9 +17,9 @@ UNNAMED = frozenset({"spectral", "light-field"})
 """Kinds of cameras whose network that comes with the package decodes behind its codes where no decoder is named; that
 of the spectral-depth camera gains nothing on measured cubes."""
 DEFAULT = "default"
-"""Name of the weights of a camera that comes with the package, of the kind that is decoded."""
-OF_KIND = {f"{DEFAULT}-{kind}": kind for kind in SHIPPED}
-"""Names of the same where no kind is said otherwise: ``default-light-field``."""
+"""Name of the weights of a camera that comes with the package, where its kind is known."""
+KIND_OF_NAME = {f"{DEFAULT}-{kind}": kind for kind in SHIPPED}
+"""Names that say the kind of camera themselves, ``default-light-field`` and the like, and that kind."""
 UNIVERSAL = "universal"
 """Name of the weights that come with the package for spectral cameras of any bands, codes and buckets."""
 FOLDER = Path(tmca.__file__).parent / "weights"

@@ -22,7 +22,7 @@ from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_
 from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
 from tmca.decoders.nets.build import restore_network
-from tmca.decoders.nets.shipped import DEFAULT, FOLDER, OF_KIND, UNIVERSAL, shipped_file
+from tmca.decoders.nets.shipped import DEFAULT, FOLDER, KIND_OF_NAME, UNIVERSAL, shipped_file
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
 from tmca.decoders.nets.weights_0_1 import of_version_0_1
 from tmca.errors import DataError, SettingError, ShapeError, check_choice
@@ -303,7 +303,7 @@ class Weights:
         """The file or run that ``find`` reads; SettingError as there."""
         if str(name) == UNIVERSAL:
             return FOLDER / f"{UNIVERSAL}.safetensors"
-        named = OF_KIND.get(str(name), kind if str(name) == DEFAULT else None)
+        named = KIND_OF_NAME.get(str(name), kind if str(name) == DEFAULT else None)
         return Path(name) if named is None else shipped_file(slots, named)
 
 

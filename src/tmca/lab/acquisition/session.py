@@ -239,7 +239,8 @@ def _light(
     frames: list[torch.Tensor], dark: torch.Tensor, opened: torch.Tensor, gain: float, camera: Camera
 ) -> torch.Tensor:
     """(C, H, W) of an exposure, in snapshot units: of its frames through the shutter, each a mean of its repeats."""
-    light = torch.stack([repeats.mean(0) - dark.mean(0) for repeats in frames]) * gain
+    black = dark.mean(0)
+    light = torch.stack([repeats.mean(0) - black for repeats in frames]) * gain
     light = light * opened.to(light)[:, None]
     return light.sum(0) if camera.exposure == "per-slot" else light.mean(0)
 

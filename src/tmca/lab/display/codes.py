@@ -139,9 +139,10 @@ def read_planes(source: str | Path, size: Size | None = None) -> Planes:
 
 def _of_weights(path: Path) -> Planes:
     weights = Weights.load(path)
+    weights.check_codes()
     planes, camera = weights.codes, weights.camera
     tiled = tuple(name for name in planes if weights.period and name != "heights")
-    if "heights" in planes:
+    if "heights" in planes:  # a mask lies in the pupil, whatever the size of the sensor; the shutter lies on it
         masks = planes_of(camera, str(path))
         shutter = by_slot(planes["shutter"], camera.slots, camera.buckets) if tiled else masks.planes["shutter"]
         return replace(masks, planes={**masks.planes, "shutter": shutter}, tiled=tiled)
