@@ -71,8 +71,15 @@ def export(
     """
     changes = {"macro_pixel": macro_pixel, "mounting_angle_deg": mounting_angle}
     shown = [aperture_changed(name, changes) for name in devices]
-    sizes = {"code_size": code_size, "sensor_size": sensor_size}
-    return export_codes(read_planes(source), shown, out, exposure=exposure, overwrite=overwrite, **sizes)
+    return export_codes(
+        read_planes(source),
+        shown,
+        out,
+        exposure=exposure,
+        code_size=code_size,
+        sensor_size=sensor_size,
+        overwrite=overwrite,
+    )
 
 
 def aperture_changed(name: str, changes: Mapping[str, Any]) -> DeviceDescription:
