@@ -108,6 +108,23 @@ def test_grey_photographs_are_rendered_and_said(tmp_path):
     assert float(scene.radiance.max()) > 0.05
 
 
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_photographs_are_rendered_upright(orientation, tmp_path):
+    """The file holds the upright picture as each of the eight orientations stores it."""
+    upright = pixels(size=(45, 64))
+    turned = upright.swapaxes(0, 1)
+    stored = (upright, upright[:, ::-1], upright[::-1, ::-1], upright[::-1],
+              turned, turned[::-1], turned[::-1, ::-1], turned[:, ::-1])[orientation - 1]  # fmt: skip
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    file = tmp_path / "phone" / "photo.png"
+    file.parent.mkdir()
+    Image.fromarray(np.ascontiguousarray(stored)).save(file, exif=exif)
+    known = picture(tmp_path / "upright.png", size=(45, 64))
+    assert np.array_equal(linear_rgb(photograph(str(file))), linear_rgb(photograph(str(known))))
+    assert len(render_folder(file.parent, tmp_path / "scenes", size=(40, 60))) == 1
+
+
 def test_what_is_no_photograph_is_refused(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     whole = picture(tmp_path / "whole.png").read_bytes()

@@ -10,8 +10,8 @@ from tmca.applications import application_of
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import rendered_scene, select_bands
 from tmca.decoders import Weights, build_network, decode, usual_for
+from tmca.decoders.nets.bands import same_bands
 from tmca.decoders.nets.tiles import CollapsedNetwork
-from tmca.decoders.nets.weights import same_bands
 from tmca.errors import DataError, SettingError, ShapeError
 from tmca.metrics import psnr
 from tmca.sensor import Noise, Sensor

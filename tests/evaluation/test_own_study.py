@@ -20,7 +20,8 @@ from tmca.errors import DataError, SettingError
 from tmca.evaluation import StudyResults
 from tmca.evaluation.camera import evaluation_of
 from tmca.evaluation.gains import over
-from tmca.evaluation.own import _code_names, own_study
+from tmca.evaluation.own import own_study
+from tmca.evaluation.own_codes import _code_names
 from tmca.evaluation.own_sensors import read_sensors
 from tmca.evaluation.plan import Plan
 from tmca.evaluation.study import read_study

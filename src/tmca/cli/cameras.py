@@ -63,14 +63,10 @@ class CameraChoice:
             from tmca.cameras import camera_of
 
             return camera_of(self.spec, self.sensor, self.bench, **shape)
-        from tmca.decoders.nets.weights import same_bands
         from tmca.sensor import Sensor
 
-        weights, bands = self.weights, shape.get("bands")
-        if bands is not None and not same_bands(weights.wavelengths, bands):
-            found = f"{len(weights.wavelengths)} bands, {weights.wavelengths[0] * 1e9:.4g} nm and on"
-            raise SettingError(self.option, found, f"the scene's {len(bands)}, {bands[0] * 1e9:.4g} nm and on")
-        return weights.camera_for(shape["size"], sensor=Sensor(**self.sensor.model_dump()))
+        sensor = Sensor(**self.sensor.model_dump())
+        return self.weights.camera_for(shape["size"], bands=shape.get("bands"), sensor=sensor)
 
     def _learned(self, name: str) -> Weights:
         from tmca.decoders import Weights

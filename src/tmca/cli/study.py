@@ -26,6 +26,7 @@ def study(
     sensor: Path | None = None,
     codes: str | None = None,
     decoders: str | None = None,
+    weights: str | None = None,
     camera: str | None = None,
     crop: str | None = None,
     bands: MaybeWhole = None,
@@ -47,10 +48,12 @@ def study(
         sensor: YAML file with arguments of the sensor, such as full_well: 10000; or with several sensors by their
             names. An ideal one without it.
         codes: separated by commas: presets of `tmca simulate` (cassi, one-hot, two-bucket, burst, …), designed (a short
-            search for this sensor), or files of codes or snapshots, with a name of yours as NAME=FILE. [default: the
-            usual ones of the camera]
+            search for this sensor), default (the camera that comes with tmca), or files of codes or snapshots and runs
+            of `tmca train`, with a name of yours as NAME=FILE. [default: the usual ones of the camera]
         decoders: separated by commas: names that `tmca decoders` lists, your own as FILE.py:Class, or FILE.pt2 of `tmca
-            decoder export`. Beside a YAML file: more of them. [default: that of tmca reconstruct]
+            decoder export`. Beside a YAML file: more of them. [default: lmmse or the like, which needs no weights]
+        weights: of the decoder network, which then takes part: a file or run of `tmca train`, universal or default.
+            [default with network: universal; of another camera than a spectral one, default]
         camera: spectral, light-field, spectral-depth, or one of another package; what the scenes are for without it.
         crop: HEIGHTxWIDTH, the middle of every scene.
         bands: of a spectral camera, nearest to even spacing over the range. [default: 12, or all of fewer]
@@ -67,7 +70,7 @@ def study(
 
     described = len(scenes) == 1 and Path(scenes[0]).suffix in _YAML
     given: dict[str, Any] = {"sensor": sensor, "codes": codes, "camera": camera, "crop": crop, "bands": bands}
-    given |= {"range": range, "reading": reading}
+    given |= {"range": range, "reading": reading, "weights": weights}
     if described:
         asked = _described(scenes[0], decoders, seeds, given)
         out, work = out or Path("results"), work or Path("runs") / f"study-{asked.name}"
@@ -112,7 +115,7 @@ def _own(scenes: tuple[str, ...], decoders: str | None, seeds: int | None, given
         raise SettingError("study", "no scenes", "files or names of rendered scenes, or a YAML file")
     check_counts(seeds=1 if seeds is None else seeds)
     codes = [part.strip() for part in (given["codes"] or "").split(",") if part.strip()]
-    how = {"sensor": given["sensor"], "camera": given["camera"], "bands": given["bands"], "codes": codes}
+    how = {name: given[name] for name in ("sensor", "camera", "bands", "weights")} | {"codes": codes}
     how |= {
         "reading": {
             name: parsed_yaml(text) for name, text in one_value(given["reading"], "--reading", "views=3").items()

@@ -68,7 +68,7 @@ def render_folder(
     chosen = drawn_photographs(photographs, number, seed)
     for path in chosen.values():
         if path.suffix.lower() in PICTURES:
-            check_photograph(path, picture_size(path), rendering.get("size"))
+            check_photograph(path, picture_size(path, upright=True), rendering.get("size"))
     how = {"seed": seed, **({"light": light} if views is None else {"views": views}), **rendering}
     with held_folder(out, "rendering") as folder:
         files = [folder / f"{name}.nc" for name in chosen]

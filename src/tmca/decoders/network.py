@@ -14,11 +14,12 @@ from torch import Tensor, nn
 from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.adaptation import adapt_network
+from tmca.decoders.nets.bands import same_bands
 from tmca.decoders.nets.shipped import DEFAULT, SHIPPED, UNNAMED
 from tmca.decoders.nets.starts import VARIATION, VariationStart
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
-from tmca.decoders.nets.weights import Weights, same_bands
+from tmca.decoders.nets.weights import Weights
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import TapOperator
 from tmca.priors import find_prior

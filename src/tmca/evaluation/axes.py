@@ -15,8 +15,8 @@ from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Settings
 from tmca.evaluation.study import read_study
-from tmca.evaluation.study_parts import StudyNetwork
-from tmca.evaluation.tables import check_counts, check_weights, decoder_labels
+from tmca.evaluation.study_parts import StudyNetwork, check_weights
+from tmca.evaluation.tables import check_counts, decoder_labels
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip
@@ -137,7 +137,7 @@ class Sweep:
         """Settings of the decoder in a combination; a SettingError for those that it does not have."""
         texts = {name.removeprefix(OPTION): value for name, value in point.items() if name.startswith(OPTION)}
         known = decoders_for(self.camera, moving=None)
-        check_weights(point["decoder"], texts, "--set decoder.weights")
+        check_weights(point["decoder"], texts, self.camera, "--set decoder.weights")
         if not texts:
             return {}
         if point["decoder"] not in known:

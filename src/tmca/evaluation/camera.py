@@ -279,7 +279,7 @@ class CameraEvaluation:
     ) -> Any:
         """The camera that shows the codes of weights or of a file, or those of its settings."""
         if weights:
-            return Weights.load(weights).camera_for(parts["size"], sensor=Sensor(**sensor))
+            return Weights.load(weights).camera_for(parts["size"], bands=parts.get("bands"), sensor=Sensor(**sensor))
         return self.build(parts, settings, sensor, codes)
 
     def parts(self, scene: Any) -> Settings:

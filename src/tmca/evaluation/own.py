@@ -12,43 +12,29 @@ from pydantic import ValidationError
 
 from tmca.applications import application_of
 from tmca.cameras import CAMERAS
-from tmca.codes import BURST
-from tmca.codes.files import codes_of_file
-from tmca.data import read_dataset
 from tmca.data.fitting import VISIBLE, usual_bands
 from tmca.data.headers import view_size_of, wavelengths_of
 from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import named_scenes, short_names
 from tmca.data.scenes import scene_kind
 from tmca.decoders import decoders as registered_decoders
-from tmca.errors import DataError, SettingError, check_choice, did_you_mean
+from tmca.decoders.nets.shipped import DEFAULT, UNIVERSAL
+from tmca.errors import SettingError, check_choice
 from tmca.evaluation.camera import Settings, evaluation_of
+from tmca.evaluation.own_codes import DESIGNED, codes_of_names
 from tmca.evaluation.own_sensors import noises_of, one_bucket_alone
 from tmca.evaluation.study import Study, checked_study, usual_settings
 from tmca.lab.decoder_files import names_of
 from tmca.sensor import Sensor, SensorWarning
 from tmca.specs import first_error
 
-DESIGNED = "designed"
-"""Codes that are searched for the sensor."""
-_USUAL = {
-    "spectral": ("cassi", "one-hot", "two-bucket"),
-    "light-field": ("clfp", "one-hot", "two-bucket"),
-    "spectral-depth": ("quick-diffractive", "quick"),
-}
-"""Codes that are compared where none are named."""
-_OF_SCENE = ("size", "bands", "views")
 _SEARCH: dict[str, Settings] = {
     "spectral-depth": {"effort": {"starts": 1, "steps": 20, "rate": 0.003}},
     "": {"period": [16, 16], "effort": {"descents": 3, "steps": 20, "flips": 200}, "gains": False, "static": 1},
 }
 """A short search, of phase masks and of other codes."""
-_DESIGN: dict[str, Settings] = {
-    "spectral-depth": {
-        "camera": {"slots": 4, "shutter": "one-hot", "mask": "zernike", "filters": "gaussian"}, "search": {},
-    },
-    "": {"camera": {"slots": 4}, "search": {"kind": "free", "slots": 4}},
-}  # fmt: skip
+_NETWORK = "network"
+"""The decoder that needs weights."""
 _WITHOUT_PRIOR = "admm-tv"
 """The decoder of bands for which the rendered scenes give no prior."""
 _VIEWS = (270, 480)
@@ -62,6 +48,7 @@ def own_study(
     sensor: Sensor | Mapping[str, Any] | str | Path | None = None,
     codes: str | Sequence[str] = (),
     decoders: Any = (),
+    weights: str | Path | None = None,
     crop: tuple[int, int] | None = None,
     bands: int | None = None,
     range: tuple[float, float] | None = None,
@@ -76,10 +63,12 @@ def own_study(
         scenes: that are measured: files, names of rendered ones, or split files; one or several.
         camera: its kind; what the scenes are for if None.
         sensor: a `Sensor` or its arguments, several by their names, or a YAML file of either; an ideal one if None.
-        codes: names of presets, ``designed``, files of codes or snapshots, or these with a name, ``NAME=FILE``; some
-            usual ones without.
+        codes: names of presets, ``designed``, ``default`` (of the camera that comes with the package), files of codes
+            or snapshots, weights or runs of `tmca train`, or these with a name, ``NAME=FILE``; some usual ones without.
         decoders: by their names, ``FILE.py:Class``, ``FILE.pt2``, or classes of this package; the usual one without.
             The code of files runs: pass what you named, not what was read.
+        weights: of the decoder ``network``, which then takes part: a file or run of `tmca train`, ``universal`` or
+            ``default``; those that come with the package without.
         crop: (H, W) middle of every scene.
         bands: of a spectral camera, nearest to even spacing over the range; 12, or all of a scene with fewer.
         range: (first, last) wavelength that bands are taken from, metres; 400 to 700 nm where all scenes cover them,
@@ -103,11 +92,13 @@ def own_study(
     names = short_names(sources)
     more = _checked_reading(kind, reading or {})
     read = {**_reading(kind, sources, crop, bands, range, more), **more}
-    used = _used(kind, decoders, codes, read)
+    used = _used(kind, decoders, codes, read, weights)
+    usual = usual_settings(kind)
     described: Settings = {
-        **usual_settings(kind), "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
+        **usual, "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
         "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
-        "reading": read, "codes": _codes(kind, codes), "noises": noises, "decoders": used, "seeds": seeds, "patches": 0,
+        "reading": read, "codes": codes_of_names(kind, codes), "noises": noises, "decoders": used, "seeds": seeds,
+        "patches": 0, "options": {**usual.get("options", {}), **_options(kind, used, weights)},
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
     }  # fmt: skip
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
@@ -215,12 +206,22 @@ def _reading(
     return {} if crop is None else {"size": crop}
 
 
-def _used(kind: str, decoders: Any, codes: Sequence[str], reading: Mapping[str, Any]) -> list[str]:
-    """Names of decoders; the usual one without any."""
+def _used(
+    kind: str, decoders: Any, codes: Sequence[str], reading: Mapping[str, Any], weights: str | Path | None
+) -> list[str]:
+    """Names of decoders; the usual one without any. Weights that are named have their network in the study."""
     used = [*names_of(map(_text, _several(decoders))).values()] or [_default(kind, reading)]
+    if weights is not None and _NETWORK not in used:
+        used.append(_NETWORK)
     if kind == "spectral" and _invisible(reading):
         _check_without_rendered(used, codes)
     return used
+
+
+def _options(kind: str, used: Sequence[str], weights: str | Path | None) -> dict[str, Settings]:
+    """Settings of the network, if it is one of the decoders: its weights."""
+    usual = UNIVERSAL if kind == "spectral" else DEFAULT
+    return {_NETWORK: {"weights": str(weights or usual)}} if _NETWORK in used else {}
 
 
 def _default(kind: str, reading: Mapping[str, Any]) -> str:
@@ -252,70 +253,6 @@ def _least_frame(sources: Sequence[str], reading: Mapping[str, Any]) -> tuple[in
     asked = Reading(reading.get("test_scale"), reading.get("pattern"), reading.get("lens"))
     sizes = [view_size_of(source, **asked.of(source)) for source in sources]
     return min(_VIEWS[0], *(rows for rows, _ in sizes)), min(_VIEWS[1], *(columns for _, columns in sizes))
-
-
-def _codes(kind: str, named: Sequence[str]) -> dict[str, Settings]:
-    """Codes of a study by their names; the usual ones without any."""
-    presets = CAMERAS[kind].presets
-    chosen = list(named) or [name for name in _USUAL.get(kind, tuple(presets)) if name in presets]
-    if not chosen:
-        return {"usual": {}}
-    for name in chosen:
-        if chosen.count(name) > 1:
-            raise SettingError("codes", f"{name} twice", "each of them once", "leave one out")
-    made = {name: _code(kind, _named(name)[1]) for name in chosen}
-    return {_shown_name(own, made[name]): made[name] for name, own in _code_names(chosen).items()}
-
-
-def _named(text: str) -> tuple[str, str]:
-    """Name and file of ``NAME=FILE``; no name of anything else."""
-    name, _, file = text.partition("=")
-    return (
-        (name.strip(), file.strip()) if Path(file).suffix and name.strip() and not Path(text).exists() else ("", text)
-    )
-
-
-def _shown_name(name: str, code: Settings) -> str:
-    """The name of codes in tables, which says of a file that it is a burst."""
-    stored = codes_of_file(code["file"]) if "file" in code and BURST not in name else None
-    return f"{name} (burst)" if stored and stored.burst else name
-
-
-def _code_names(chosen: Sequence[str]) -> dict[str, str]:
-    """What was asked for → its name in the study: a file's is given, ``NAME=FILE``, or that without its suffix, behind
-    its folder's where two clash."""
-    short = {name: _named(name)[0] or (Path(name).stem if Path(name).suffix else name) for name in chosen}
-    several = list(short.values())
-    for name, stem in short.items():
-        if several.count(stem) > 1 and Path(name).suffix and not _named(name)[0]:
-            short[name] = f"{Path(name).resolve().parent.name}/{stem}"
-    for name, own in short.items():
-        if list(short.values()).count(own) > 1:
-            raise SettingError("codes", f"{own} twice, once as {name}", "codes of different names", "rename a file")
-    return short
-
-
-def _code(kind: str, name: str) -> Settings:
-    """One entry of ``codes``."""
-    presets = CAMERAS[kind].presets
-    if name in presets:
-        own = {"preset": name} if kind == "spectral-depth" else presets[name]
-        return {"camera": {key: value for key, value in own.items() if key not in _OF_SCENE}}
-    if name == DESIGNED:
-        return _DESIGN.get(kind, _DESIGN[""])
-    if not Path(name).suffix:
-        known = [*presets, DESIGNED]
-        expected = f"{', '.join(known)}, or a file of codes or a snapshot"
-        raise SettingError("codes", repr(name), expected, did_you_mean(name, known))
-    _check_kind(kind, name)
-    return {"file": name}
-
-
-def _check_kind(kind: str, file: str) -> None:
-    """Raises DataError where a snapshot is of another kind of camera."""
-    stored = read_dataset(file, ())
-    if "snapshot" in stored and stored.attrs.get("camera", kind) != kind:
-        raise DataError(file, f"a {stored.attrs['camera']} snapshot", f"codes of a {kind} camera")
 
 
 def _seen_alike(codes: Mapping[str, Settings]) -> str:

@@ -18,12 +18,12 @@ from tmca.evaluation.page import markdown, picture_names, results, write_picture
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.plan import Plan
 from tmca.evaluation.study import Study
+from tmca.evaluation.study_parts import check_weights
 from tmca.evaluation.tables import (
     Split,
     check_counts,
     check_decoders,
     check_resumed,
-    check_weights,
     plain_columns,
     write_table,
 )
@@ -70,7 +70,7 @@ def run_study(
     check_counts(jobs=jobs)
     check_decoders(study.decoders, study.decoder_labels)
     for name in study.decoders:
-        check_weights(name, study.options.get(name, {}), "options.network.weights of the study")
+        check_weights(name, study.options.get(name, {}), study.camera, "options.network.weights of the study")
     split = _split(study)
     files = [out / name for name in _file_names(study, [*split["names"].values()])]
     overwrite = check_resumed(files, overwrite, "study", study.model_dump(mode="json"))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -11,7 +12,7 @@ from tmca.codes.files import CodesFile, codes_of_file
 from tmca.decoders import Weights
 from tmca.decoders.nets.shipped import DEFAULT, KIND_OF_NAME
 from tmca.design.kinds import KINDS, buckets_of
-from tmca.errors import SettingError
+from tmca.errors import DataError, SettingError
 from tmca.evaluation.camera import Settings
 
 
@@ -233,3 +234,16 @@ class PublishedTable(Strict):
     title: str
     about: str
     rows: dict[str, PublishedRow]
+
+
+def check_weights(decoder: str, settings: Mapping[str, Any], kind: str, where: str) -> None:
+    """Raises SettingError for the decoder ``network`` without weights, with some that cannot be read, or with those of
+    another kind of camera; networks of a study bring what it trained."""
+    if decoder != "network":
+        return
+    if not settings.get("weights"):
+        raise SettingError(where, "none for the decoder network", "a run or file of `tmca train`")
+    try:
+        Weights.find(settings["weights"], kind=kind).check_kind(kind)
+    except DataError as error:
+        raise SettingError(where, f"{error.where}: {error.found}", error.expected, error.remedy) from None

@@ -113,12 +113,6 @@ def check_decoders(decoders: Sequence[str], known: Collection[str]) -> None:
         raise SettingError("decoders", "none", f"some of {', '.join(known)}")
 
 
-def check_weights(decoder: str, settings: Mapping[str, Any], where: str) -> None:
-    """Raises SettingError for the decoder ``network`` without weights; networks of a study bring what it trained."""
-    if decoder == "network" and not settings.get("weights"):
-        raise SettingError(where, "none for the decoder network", "a run or file of `tmca train`")
-
-
 def write_table(
     results: Row, text: str, rows: Sequence[Row], columns: Sequence[str], out: Path, overwrite: bool
 ) -> None:

@@ -22,7 +22,7 @@ from tmca.attributes import Attributes, read_json
 from tmca.cameras import Snapshot, SpectralCamera
 from tmca.data import atomic_path, check_target, make_folder, write_json
 from tmca.decoders import Estimate, Weights
-from tmca.decoders.nets.weights import same_bands
+from tmca.decoders.nets.bands import same_bands
 from tmca.errors import DataError, SettingError
 from tmca.lab.fixed_decoder import CameraDecoder, FixedOperator, LookedUpOperator
 from tmca.lab.importing import WITHHELD

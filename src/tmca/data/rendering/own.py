@@ -37,12 +37,12 @@ def stamp_of(path: Path) -> Stamp:
 
 
 def pixels_of(path: Path) -> NDArray[np.float32]:
-    """A photograph ``(H, W, 3)`` as it is stored, in [0, 1]; grey ones have three equal colours, alpha is dropped.
+    """A photograph ``(H, W, 3)`` in [0, 1], upright; grey ones have three equal colours, alpha is dropped.
 
     Raises:
         DataError: it cannot be read, or is no photograph.
     """
-    pixels = read_picture(path) if path.suffix.lower() in PICTURES else _tiff(path)
+    pixels = read_picture(path, upright=True) if path.suffix.lower() in PICTURES else _tiff(path)
     if pixels.dtype == np.int32 and path.suffix.lower() == ".png":  # Pillow's type of 16-bit greys
         pixels = pixels.astype(np.uint16)
     if pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[-1] in (1, 2)):

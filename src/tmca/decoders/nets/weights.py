@@ -21,6 +21,7 @@ from tmca.arguments import reason
 from tmca.attributes import Attributes, Beside, FiniteJson, attributes_of, json_of
 from tmca.cameras import CAMERAS
 from tmca.codes.files import Frame, differing
+from tmca.decoders.nets.bands import check_bands
 from tmca.decoders.nets.build import restore_network
 from tmca.decoders.nets.shipped import DEFAULT, FOLDER, KIND_OF_NAME, UNIVERSAL, shipped_file
 from tmca.decoders.nets.two_headed import TwoHeadedUNet, check_sizes
@@ -131,14 +132,18 @@ class Weights:
         """The camera of the training, of the size that it had there."""
         return self.camera_for()
 
-    def camera_for(self, size: tuple[int, int] | None = None, **changes: Any) -> Any:
-        """The camera with these codes for scenes of (H, W); ``changes`` are arguments such as ``sensor``.
+    def camera_for(
+        self, size: tuple[int, int] | None = None, *, bands: Sequence[float] | None = None, **changes: Any
+    ) -> Any:
+        """The camera with these codes for scenes of (H, W), and of ``bands`` if given, wavelengths in metres;
+        ``changes`` are arguments such as ``sensor``.
 
         Raises:
             ShapeError: codes without a period have another size.
-            SettingError: a network of any codes.
+            SettingError: a network of any codes, or codes for other bands.
         """
         self.check_codes()
+        check_bands(self.wavelengths, self.wavelengths if bands is None else bands, "the scene's")
         wanted = self.size if size is None else tuple(size)
         if wanted != self.size and self.period is None:
             found = f"codes of {self.size[0]}×{self.size[1]} pixels that do not repeat"
@@ -171,9 +176,7 @@ class Weights:
         if self.any_bands:
             self.network_for(camera)
             return
-        if self.wavelengths and not same_bands(self.wavelengths, camera.wavelengths):
-            found, wanted = _unlike_bands(self.wavelengths, camera.wavelengths)
-            raise SettingError("weights", found, f"the camera's {wanted}", "train a network at the camera's bands")
+        check_bands(self.wavelengths, getattr(camera, "wavelengths", ()), "the camera's")
         if isinstance(self.network, TwoHeadedUNet):
             check_sizes(self.network, camera)
             other = ", ".join(self.differences(camera)).replace("_", " ")
@@ -305,24 +308,6 @@ class Weights:
             return FOLDER / f"{UNIVERSAL}.safetensors"
         named = KIND_OF_NAME.get(str(name), kind if str(name) == DEFAULT else None)
         return Path(name) if named is None else shipped_file(slots, named)
-
-
-def same_bands(one: Sequence[float], other: Sequence[float]) -> bool:
-    """Whether two lists of wavelengths in metres agree to a nanometre."""
-    return len(one) == len(other) and all(abs(a - b) <= 1e-9 for a, b in zip(one, other, strict=True))
-
-
-def _unlike_bands(one: Sequence[float], other: Sequence[float]) -> tuple[str, str]:
-    """What tells two lists of wavelengths apart: numbers and ends, or the first band that differs."""
-    if (texts := (_bands(one), _bands(other)))[0] != texts[1]:
-        return texts
-    pairs = enumerate(zip(one, other, strict=True), start=1)
-    place, (a, b) = next((place, pair) for place, pair in pairs if abs(pair[0] - pair[1]) > 1e-9)
-    return f"{texts[0]}, number {place} at {a * 1e9:.4g} nm", f"number {place} at {b * 1e9:.4g} nm"
-
-
-def _bands(wavelengths: Sequence[float]) -> str:
-    return f"{len(wavelengths)} bands of {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
 
 
 class _NetworkAttributes(Attributes):
