@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from tmca.cli.cameras import READING
 from tmca.cli.options.numbers import MaybeOn, MaybeWhole
 from tmca.cli.options.output import OutputOptions, check_targets, say, warned
-from tmca.cli.reconstructions import Reconstructed, Reconstruction, Wanted
+from tmca.cli.reconstructions import Reconstructed, Reconstruction, Request
 from tmca.errors import OutputError, SettingError, TmcaError, check_choice
 from tmca.specs import CAMERA_SPECS, TruthReading
 
@@ -81,21 +81,21 @@ def reconstruct(
     how = {"tv_weight": tv_weight, "weights": weights, "uncertainty": uncertainty, "window": window}
     if register is not None:
         check_choice("--register", register, ("auto",))
-    asked = Wanted(how, set_ or [], truth, prior, calibration, dictionary, device, bank, register, reading, output)
+    request = Request(how, set_ or [], truth, prior, calibration, dictionary, device, bank, register, reading, output)
     several = len(names) > 1
-    jobs = [Reconstruction.of(file, name, asked, several) for file in (snapshot, *others) for name in names]
+    jobs = [Reconstruction.of(file, name, request, several) for file in (snapshot, *others) for name in names]
     if several:
-        _check_taken(jobs, asked)
+        _check_taken(jobs, request)
     if len(jobs) == 1:
         done = jobs[0].run(output.out or jobs[0].target)
         say(done.report, output.json, *done.lines())
         return
-    _run_all(jobs, asked)
+    _run_all(jobs, request)
 
 
-def _run_all(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
+def _run_all(jobs: Sequence[Reconstruction], request: Request) -> None:
     """Reconstructions one after the other, and all of them in one picture; what fails is told, and the others go on."""
-    output, folder = asked.output, _folder(asked.output.out)
+    output, folder = request.output, _folder(request.output.out)
     targets = _targets(jobs, folder)
     picture = folder / "comparison.png"
     written = [file for job, target in zip(jobs, targets, strict=True) for file in job.files(target)]
@@ -156,13 +156,13 @@ def _compared(done: dict[tuple[str, str], Reconstructed], picture: Path, overwri
     return [f"{save_figure(figure, picture, overwrite=overwrite, dpi=200)}: all side by side"]
 
 
-def _check_taken(jobs: Sequence[Reconstruction], asked: Wanted) -> None:
+def _check_taken(jobs: Sequence[Reconstruction], request: Request) -> None:
     """Raises SettingError for a setting that none of several decoders has."""
     from tmca.arguments import setting_names
 
     known = {name for job in jobs if job.cls is not None for name in setting_names(job.cls)}
-    named = [text.partition("=")[0].strip() for text in asked.texts]
-    named += [name for name, value in asked.how.items() if value is not None and name != "uncertainty"]
+    named = [text.partition("=")[0].strip() for text in request.texts]
+    named += [name for name, value in request.how.items() if value is not None and name != "uncertainty"]
     for name in named:
         if name not in known:
             used = ", ".join(dict.fromkeys(job.decoder for job in jobs))

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is asked of all reconstructions."""
+class Request:
+    """What is requested of all reconstructions."""
 
     how: dict[str, Any]
     texts: list[str]
@@ -37,7 +37,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Reconstructed:
-    """An estimate as it is labelled, its truth, and what is told of it."""
+    """An estimate as it is labelled, its truth, and what is reported of it."""
 
     estimate: Any
     scene: Any
@@ -65,7 +65,7 @@ class Reconstruction:
         decoder: name.
         cls: class of the decoder; None of an unknown one.
         settings: of the decoder.
-        asked: of all.
+        request: of all reconstructions.
         several: whether there are several decoders.
         own: whether the decoder was taken because it comes with the codes.
         placed: where the mask of ``taken`` lies, after `register`.
@@ -76,32 +76,32 @@ class Reconstruction:
     decoder: str
     cls: type[Decoder] | None
     settings: dict[str, Any]
-    asked: Wanted
+    request: Request
     several: bool
     own: bool = False
     placed: Registered | None = None
 
     @classmethod
-    def of(cls, file: Path, name: str | None, asked: Wanted, several: bool) -> Reconstruction:
+    def of(cls, file: Path, name: str | None, request: Request, several: bool) -> Reconstruction:
         """One whose decoder may be the usual one of the snapshot's camera; where there are several decoders, each
         takes of the settings those that it has."""
         from tmca.arguments import setting_names
         from tmca.decoders import decoders_for
         from tmca.lab.calibration.apply import load_snapshot
 
-        taken = load_snapshot(file, asked.calibration)
-        kind, (usual, made) = taken.camera.kind, _usual(taken.camera, asked)
+        taken = load_snapshot(file, request.calibration)
+        kind, (usual, made) = taken.camera.kind, _usual(taken.camera, request)
         decoder, made = (name, {}) if name else (usual, made)
         available = decoders_for(kind, moving=None)
         chosen = available.get(decoder)
-        if asked.dictionary is not None:
-            check_dictionary(asked.dictionary, decoder, kind, available)
-        how, texts = given_settings(chosen, asked.how) | made, asked.texts
+        if request.dictionary is not None:
+            check_dictionary(request.dictionary, decoder, kind, available)
+        how, texts = given_settings(chosen, request.how) | made, request.texts
         if several and chosen is not None:
             how = {name: value for name, value in how.items() if name in setting_names(chosen)}
             texts = [text for text in texts if text.partition("=")[0].strip() in setting_names(chosen)]
         settings = how | settings_of_texts(chosen, texts)
-        return cls(file, taken, decoder, chosen, settings, asked, several, own=bool(made))
+        return cls(file, taken, decoder, chosen, settings, request, several, own=bool(made))
 
     @property
     def target(self) -> Path:
@@ -113,7 +113,7 @@ class Reconstruction:
         from tmca.applications.pictures import estimate_files
 
         moving = self.cls is not None and self.cls.moving
-        return estimate_files(target, self.taken.camera.kind, self.asked.output.figures, moving)
+        return estimate_files(target, self.taken.camera.kind, self.request.output.figures, moving)
 
     def run(self, target: Path) -> Reconstructed:
         """Decode, measure, write."""
@@ -122,8 +122,8 @@ class Reconstruction:
         from tmca.data.in_memory import warn_of_estimate
         from tmca.metrics import beside_constant
 
-        check_targets(self.files(target), self.asked.output.overwrite, self.file)
-        if self.asked.register and self.placed is None:
+        check_targets(self.files(target), self.request.output.overwrite, self.file)
+        if self.request.register and self.placed is None:
             return self._in_register().run(target)
         scene, estimate = self._scene(), self._estimate()
         metrics = {} if scene is None else _metrics(estimate, scene)
@@ -143,21 +143,21 @@ class Reconstruction:
         """What the decoder makes of the snapshot; priors go to those of several decoders that have one."""
         from tmca.decoders import decode
 
-        asked = self.asked
-        prior = asked.dictionary or asked.prior
+        request = self.request
+        prior = request.dictionary or request.prior
         if self.several and self.cls is not None and self.cls.prior_kind is None and self.decoder != "network":
             prior = None
         with progress_bar(f"{self.decoder}: {self.file.name}") as progress:
-            how: dict[str, Any] = {"prior": prior, "progress": progress, "device": asked.device, "bank": asked.bank}
+            how: dict[str, Any] = {"prior": prior, "progress": progress, "device": request.device, "bank": request.bank}
             return decode(self.taken, self.decoder, **how, **self.settings)
 
     def _written(self, estimate: Estimate, scene: Any, target: Path) -> list[str]:
         """The files of an estimate and its pictures, written."""
         from tmca.applications.pictures import estimate_pictures
 
-        overwrite = self.asked.output.overwrite
+        overwrite = self.request.output.overwrite
         written = [estimate.save(target, overwrite=overwrite)]
-        if self.asked.output.figures:
+        if self.request.output.figures:
             written += estimate_pictures(estimate, target, truth=scene, snapshot=self.taken, overwrite=overwrite)
         return [str(file) for file in written]
 
@@ -166,7 +166,7 @@ class Reconstruction:
         where no place stands out."""
         from tmca.registration import register
 
-        known = self.asked.registered
+        known = self.request.registered
         if self.file not in known:
             with progress_bar(f"register: {self.file.name}") as progress:
                 known[self.file] = register(self.taken, self._gaussian_prior(), progress=progress)
@@ -176,7 +176,7 @@ class Reconstruction:
         """The prior that was given, if it is a Gaussian one."""
         from tmca.priors import find_prior
 
-        prior = self.asked.prior
+        prior = self.request.prior
         try:
             find_prior(self.taken.camera, prior, "gaussian")
         except SettingError:
@@ -206,9 +206,9 @@ class Reconstruction:
         from tmca.applications import application_of
         from tmca.data.scene_names import compare_scene
 
-        truth, taken = self.asked.truth, self.taken
+        truth, taken = self.request.truth, self.taken
         application = application_of(taken.camera)
-        how = self.asked.reading.of(application.kind)
+        how = self.request.reading.of(application.kind)
         if truth is None:
             return None
         scene = application.truth(truth, taken.camera, taken.notes, len(taken.values) > 1, **how)
@@ -224,17 +224,17 @@ def _metrics(estimate: Any, scene: Any) -> dict[str, float]:
     return one.metrics | one.application.geometry(one.estimate, one.truth)
 
 
-def _usual(camera: Any, asked: Wanted) -> tuple[str, dict[str, Any]]:
-    """Decoder where none is named, and its settings: one that was made for the camera, if it knows what is asked."""
+def _usual(camera: Any, request: Request) -> tuple[str, dict[str, Any]]:
+    """Decoder where none is named, and its settings: one that was made for the camera, if it knows what is request."""
     from tmca.applications import application_of
     from tmca.decoders import usual_for
 
-    if asked.how["weights"]:
+    if request.how["weights"]:
         return "network", {}
-    if asked.dictionary:
+    if request.dictionary:
         return "dictionary", {}
-    given = [option for option, value in asked.how.items() if value not in (None, False)]
-    given += [text.partition("=")[0].strip() for text in asked.texts]
-    alone = not (asked.prior or asked.bank or asked.register)
+    given = [option for option, value in request.how.items() if value not in (None, False)]
+    given += [text.partition("=")[0].strip() for text in request.texts]
+    alone = not (request.prior or request.bank or request.register)
     name, settings = usual_for(camera, given) if alone else ("", dict[str, Any]())
     return (name, settings) if settings else (application_of(camera.kind).default_decoder, {})
