@@ -108,21 +108,37 @@ def test_grey_photographs_are_rendered_and_said(tmp_path):
     assert float(scene.radiance.max()) > 0.05
 
 
+def stored(shown, orientation):
+    """The pixels of a file whose orientation shows them upright, by Pillow's own turns."""
+    back = (None, "FLIP_LEFT_RIGHT", "ROTATE_180", "FLIP_TOP_BOTTOM", "TRANSPOSE", "ROTATE_90", "TRANSVERSE",
+            "ROTATE_270")[orientation - 1]  # fmt: skip
+    image = Image.fromarray(shown)
+    return image if back is None else image.transpose(Image.Transpose[back])
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
 @pytest.mark.parametrize("orientation", range(1, 9))
-def test_photographs_are_rendered_upright(orientation, tmp_path):
-    """The file holds the upright picture as each of the eight orientations stores it."""
-    upright = pixels(size=(45, 64))
-    turned = upright.swapaxes(0, 1)
-    stored = (upright, upright[:, ::-1], upright[::-1, ::-1], upright[::-1],
-              turned, turned[::-1], turned[::-1, ::-1], turned[:, ::-1])[orientation - 1]  # fmt: skip
+def test_photographs_are_rendered_upright(orientation, suffix, tmp_path):
+    exif, place = Image.Exif(), tmp_path / "phone"
+    exif[274] = orientation
+    place.mkdir()
+    stored(pixels(size=(45, 64)), orientation).save(place / f"photo{suffix}", exif=exif)
+    known = photograph(str(picture(tmp_path / "upright.png", size=(45, 64))))
+    assert np.array_equal(linear_rgb(photograph(str(place / f"photo{suffix}"))), linear_rgb(known))
+    assert len(render_folder(place, tmp_path / "scenes", size=(40, 60))) == 1
+
+
+@pytest.mark.parametrize("orientation", [0, 9])
+def test_orientations_that_there_are_not_turn_nothing(orientation, tmp_path):
     exif = Image.Exif()
-    exif[0x0112] = orientation
-    file = tmp_path / "phone" / "photo.png"
-    file.parent.mkdir()
-    Image.fromarray(np.ascontiguousarray(stored)).save(file, exif=exif)
-    known = picture(tmp_path / "upright.png", size=(45, 64))
-    assert np.array_equal(linear_rgb(photograph(str(file))), linear_rgb(photograph(str(known))))
-    assert len(render_folder(file.parent, tmp_path / "scenes", size=(40, 60))) == 1
+    exif[274] = orientation
+    file = picture(tmp_path / "photo.jpg", size=(45, 64), exif=exif)
+    assert linear_rgb(photograph(str(file))).shape == (45, 64, 3)
+
+
+def test_damaged_exif_turns_nothing(tmp_path):
+    file = picture(tmp_path / "photo.jpg", size=(45, 64), exif=b"Exif\0\0no header of it")
+    assert linear_rgb(photograph(str(file))).shape == (45, 64, 3)
 
 
 def test_what_is_no_photograph_is_refused(tmp_path):

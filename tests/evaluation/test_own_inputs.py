@@ -1,6 +1,5 @@
 """What a study of one's own takes: uneven bands, decoders and sensors from Python, one path, strings for folders."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +7,8 @@ import pytest
 
 from tmca import Sensor
 from tmca.cli import main
-from tmca.data import label, make_folder, read_dataset, write_dataset
-from tmca.decoders import Decoder, Weights, decoders
+from tmca.data import label, read_dataset, write_dataset
+from tmca.decoders import Decoder, decoders
 from tmca.errors import DataError, SettingError
 from tmca.evaluation.gains import multiplexed, multiplexing
 from tmca.evaluation.own import own_study
@@ -47,61 +46,6 @@ def test_a_study_takes_all_of_fewer_than_twelve_uneven_bands(here):
     study = own_study(["uneven.nc"], codes=["cassi"], decoders=["dagger"])
     cube = study.evaluation.load("uneven.nc", study.reading)
     assert cube["wavelength"].values.tolist() == pytest.approx(UNEVEN)
-
-
-@pytest.mark.parametrize(
-    ("kind", "scene", "usual"), [("spectral", "coffee", "universal"), ("light-field", "coffee:1", "default")]
-)
-def test_a_study_takes_codes_and_networks_that_come_with_tmca(kind, scene, usual):
-    study = own_study(scene, camera=kind, codes=["default"], decoders=["network"])
-    assert (study.codes["default"].weights, study.options["network"]) == ("default", {"weights": usual})
-    named = own_study(scene, camera=kind, codes=["default"], decoders=["dagger"], weights="mine.safetensors")
-    assert (named.decoders, named.options["network"]["weights"]) == (("dagger", "network"), "mine.safetensors")
-    assert "network" not in own_study(scene, camera=kind, decoders=["dagger"]).options
-
-
-def test_weights_of_a_run_bring_their_codes_to_a_study_under_its_name(here):
-    for file in ("runs/one/weights.safetensors", "other.safetensors"):
-        Weights.find("default").save(make_folder((here / file).parent) / Path(file).name)
-    codes = own_study("coffee", codes=["runs/one", "mine=other.safetensors", "again=runs/one"]).codes
-    assert {name: code.weights for name, code in codes.items()} == {
-        "one": "runs/one", "mine": "other.safetensors", "again": "runs/one",
-    }  # fmt: skip
-
-
-@pytest.mark.parametrize(("more", "said"), [
-    (["--codes", "default-light-field"], "those of a light-field camera"),
-    (["--codes", "cassi", "--weights", "gone.safetensors"], "gone.safetensors: no such file"),
-    (["--codes", "cassi", "--weights", "default-light-field"], "those of a light-field camera"),
-    (["--codes", "default", "--bands", "5"], "found 12 bands of 400 to 700 nm, expected the scene's 5 bands"),
-])  # fmt: skip
-def test_weights_that_a_study_cannot_use_are_refused_in_one_line(here, capsys, more, said):
-    with pytest.raises(SystemExit) as ended:
-        main(["study", "coffee", "--crop", "32x32", "--decoders", "dagger", *more])
-    assert ended.value.code == 2
-    assert said in capsys.readouterr().err.splitlines()[-1]
-
-
-@pytest.mark.slow
-def test_a_network_is_measured_behind_default_codes(here, capsys):
-    main(
-        [
-            "study",
-            "coffee",
-            "--crop",
-            "48x48",
-            "--codes",
-            "default",
-            "--decoders",
-            "dagger",
-            "--weights",
-            "universal",
-            "--json",
-        ]
-    )
-    rows = json.loads(capsys.readouterr().out)["rows"]
-    level = {row["decoder"]: row["psnr"] for row in rows}
-    assert level["network"] > level["dagger"] + 3
 
 
 def measured(study, levels):

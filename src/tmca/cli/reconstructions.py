@@ -225,7 +225,7 @@ def _metrics(estimate: Any, scene: Any) -> dict[str, float]:
 
 
 def _usual(camera: Any, request: Request) -> tuple[str, dict[str, Any]]:
-    """Decoder where none is named, and its settings: one that was made for the camera, if it knows what is request."""
+    """Decoder where none is named, and its settings: one made for the camera, if it knows what is requested."""
     from tmca.applications import application_of
     from tmca.decoders import usual_for
 

@@ -13,6 +13,7 @@ import numpy as np
 from tmca.data.files import read_attributes, write_dataset
 from tmca.data.folders import held_folder
 from tmca.data.formats.images import PICTURES, picture_size
+from tmca.data.formats.orientation import orientation_of, upright_size
 from tmca.data.rendering import rendered_light_field, rendered_scene
 from tmca.data.rendering.lighting import Light
 from tmca.data.rendering.own import photographs_in
@@ -68,7 +69,7 @@ def render_folder(
     chosen = drawn_photographs(photographs, number, seed)
     for path in chosen.values():
         if path.suffix.lower() in PICTURES:
-            check_photograph(path, picture_size(path, upright=True), rendering.get("size"))
+            check_photograph(path, upright_size(picture_size(path), orientation_of(path)), rendering.get("size"))
     how = {"seed": seed, **({"light": light} if views is None else {"views": views}), **rendering}
     with held_folder(out, "rendering") as folder:
         files = [folder / f"{name}.nc" for name in chosen]

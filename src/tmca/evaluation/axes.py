@@ -15,8 +15,9 @@ from tmca.errors import SettingError
 from tmca.evaluation.camera import CameraEvaluation, evaluation_of
 from tmca.evaluation.grid import Settings
 from tmca.evaluation.study import read_study
-from tmca.evaluation.study_parts import StudyNetwork, check_weights
+from tmca.evaluation.study_parts import StudyNetwork
 from tmca.evaluation.tables import check_counts, decoder_labels
+from tmca.evaluation.trained import check_weights
 
 SENSOR = {"noise": "read_noise", "read_noise": "read_noise", "full_well": "full_well",
           "read_noise_electrons": "read_noise_electrons", "bits": "bits"}  # fmt: skip

@@ -14,16 +14,20 @@ from tmca.applications import application_of
 from tmca.cameras import CAMERAS
 from tmca.data.fitting import VISIBLE, usual_bands
 from tmca.data.headers import view_size_of, wavelengths_of
+from tmca.data.in_memory import SceneWarning
 from tmca.data.light_field_scenes import Reading
 from tmca.data.scene_names import named_scenes, short_names
 from tmca.data.scenes import scene_kind
+from tmca.decoders import Weights
 from tmca.decoders import decoders as registered_decoders
+from tmca.decoders.nets.bands import same_bands
 from tmca.decoders.nets.shipped import DEFAULT, UNIVERSAL
 from tmca.errors import SettingError, check_choice
 from tmca.evaluation.camera import Settings, evaluation_of
 from tmca.evaluation.own_codes import DESIGNED, codes_of_names
 from tmca.evaluation.own_sensors import noises_of, one_bucket_alone
 from tmca.evaluation.study import Study, checked_study, usual_settings
+from tmca.evaluation.trained import NETWORK, check_weights, learned_from, shown_name
 from tmca.lab.decoder_files import names_of
 from tmca.sensor import Sensor, SensorWarning
 from tmca.specs import first_error
@@ -33,8 +37,6 @@ _SEARCH: dict[str, Settings] = {
     "": {"period": [16, 16], "effort": {"descents": 3, "steps": 20, "flips": 200}, "gains": False, "static": 1},
 }
 """A short search, of phase masks and of other codes."""
-_NETWORK = "network"
-"""The decoder that needs weights."""
 _WITHOUT_PRIOR = "admm-tv"
 """The decoder of bands for which the rendered scenes give no prior."""
 _VIEWS = (270, 480)
@@ -64,7 +66,8 @@ def own_study(
         camera: its kind; what the scenes are for if None.
         sensor: a `Sensor` or its arguments, several by their names, or a YAML file of either; an ideal one if None.
         codes: names of presets, ``designed``, ``default`` (of the camera that comes with the package), files of codes
-            or snapshots, weights or runs of `tmca train`, or these with a name, ``NAME=FILE``; some usual ones without.
+            or snapshots, weights or runs of `tmca train`, the last four with a name of yours as ``NAME=FILE``. Without
+            any those of the network's weights, or some usual ones.
         decoders: by their names, ``FILE.py:Class``, ``FILE.pt2``, or classes of this package; the usual one without.
             The code of files runs: pass what you named, not what was read.
         weights: of the decoder ``network``, which then takes part: a file or run of `tmca train`, ``universal`` or
@@ -81,6 +84,7 @@ def own_study(
         DataError: a file that cannot be read, or scenes that have no range in common.
 
     Warns:
+        SceneWarning: scenes that weights of the study learned from.
         SensorWarning: codes that need two buckets, of a sensor whose file says one.
     """
     sources, codes = list(named_scenes(map(str, _several(scenes)))), [*map(str, _several(codes))]
@@ -92,13 +96,15 @@ def own_study(
     names = short_names(sources)
     more = _checked_reading(kind, reading or {})
     read = {**_reading(kind, sources, crop, bands, range, more), **more}
-    used = _used(kind, decoders, codes, read, weights)
-    usual = usual_settings(kind)
+    used, usual = _used(kind, decoders, codes, read, weights), usual_settings(kind)
+    network = _network(kind, used, weights)
+    if network and not codes and not Weights.find(network, kind=kind).any_bands:
+        codes = [network]
     described: Settings = {
         **usual, "settings": {}, "name": names[sources[0]].replace("/", "-"), "camera": kind,
         "scenes": {"train": _learned_from(kind, sources, used, codes), "test": sources},
         "reading": read, "codes": codes_of_names(kind, codes), "noises": noises, "decoders": used, "seeds": seeds,
-        "patches": 0, "options": {**usual.get("options", {}), **_options(kind, used, weights)},
+        "patches": 0, **_network_settings(usual, network),
         "figure": True, "shown": None, "shown_noise": next(iter(noises)),
     }  # fmt: skip
     described["search"] = {**described.get("search", {}), **_SEARCH.get(kind, _SEARCH[""])}
@@ -108,12 +114,14 @@ def own_study(
 
 
 def _with_doubts(study: Study, sensor: Any) -> Study:
-    """The study, whose page says which codes need two buckets of a sensor with one; so do warnings."""
+    """The study, whose page says which codes need two buckets of a sensor with one, and which scenes its weights
+    learned from; so do warnings."""
     two = [name for name, code in study.codes.items() if code.buckets > 1 and not code.burst]
-    said = one_bucket_alone(sensor, two)
-    for text in said:
-        warn(text, SensorWarning, stacklevel=3)
-    return study.with_(about=said) if said else study
+    doubts, learned = one_bucket_alone(sensor, two), learned_from(study)
+    for kind, lines in ((SensorWarning, doubts), (SceneWarning, learned)):
+        for text in lines:
+            warn(text, kind, stacklevel=3)
+    return study.with_(about=[*doubts, *learned]) if doubts or learned else study
 
 
 def _several(given: Any) -> Sequence[Any]:
@@ -211,17 +219,32 @@ def _used(
 ) -> list[str]:
     """Names of decoders; the usual one without any. Weights that are named have their network in the study."""
     used = [*names_of(map(_text, _several(decoders))).values()] or [_default(kind, reading)]
-    if weights is not None and _NETWORK not in used:
-        used.append(_NETWORK)
+    if weights is not None and NETWORK not in used:
+        used.append(NETWORK)
     if kind == "spectral" and _invisible(reading):
         _check_without_rendered(used, codes)
     return used
 
 
-def _options(kind: str, used: Sequence[str], weights: str | Path | None) -> dict[str, Settings]:
-    """Settings of the network, if it is one of the decoders: its weights."""
-    usual = UNIVERSAL if kind == "spectral" else DEFAULT
-    return {_NETWORK: {"weights": str(weights or usual)}} if _NETWORK in used else {}
+def _network(kind: str, used: Sequence[str], weights: str | Path | None) -> str | None:
+    """Name of the weights of the network; None where it is none of the decoders.
+
+    Raises:
+        SettingError: weights that cannot be read, or another camera's.
+    """
+    if NETWORK not in used:
+        return None
+    named = (UNIVERSAL if kind == "spectral" else DEFAULT) if weights is None else weights
+    check_weights(NETWORK, {"weights": named}, kind, "weights")
+    return str(named)
+
+
+def _network_settings(usual: Settings, network: str | None) -> Settings:
+    """Settings and labels of decoders, those of the network among them."""
+    settings, labels = dict(usual.get("options", {})), dict(usual.get("labels", {}))
+    if network is not None:
+        settings[NETWORK], labels[NETWORK] = {"weights": network}, f"network ({shown_name(network)})"
+    return {"options": settings, "labels": labels}
 
 
 def _default(kind: str, reading: Mapping[str, Any]) -> str:
@@ -257,10 +280,23 @@ def _least_frame(sources: Sequence[str], reading: Mapping[str, Any]) -> tuple[in
 
 def _seen_alike(codes: Mapping[str, Settings]) -> str:
     """The preset whose bands and depths all codes are for."""
-    named = [one["camera"]["preset"] for one in codes.values() if "preset" in one.get("camera", {})] or ["quick"]
     presets = CAMERAS["spectral-depth"].presets
+    named = [one["camera"]["preset"] for one in codes.values() if "preset" in one.get("camera", {})]
+    named += [_preset_of(one["weights"]) for one in codes.values() if "weights" in one]
+    first = (named or ["quick"])[0]
     for name in named[1:]:
-        if presets[name]["bands"] != presets[named[0]]["bands"]:
-            raise SettingError("codes", f"{named[0]} beside {name}", "cameras of the same bands", "leave one out")
-    check_choice("codes", named[0], presets)
-    return str(named[0])
+        if presets[name]["bands"] != presets[first]["bands"]:
+            raise SettingError("codes", f"{first} beside {name}", "cameras of the same bands", "leave one out")
+    check_choice("codes", first, presets)
+    return str(first)
+
+
+def _preset_of(weights: str) -> str:
+    """The preset of a spectral-depth camera with the bands of weights."""
+    bands = Weights.find(weights, kind="spectral-depth").wavelengths
+    presets = CAMERAS["spectral-depth"].presets
+    alike = [name for name, preset in presets.items() if same_bands(preset["bands"], bands)]
+    if not alike:
+        found = f"{weights}, weights of {len(bands)} bands"
+        raise SettingError("codes", found, f"bands of a preset: {', '.join(presets)}", "describe the study in YAML")
+    return alike[0]

@@ -37,12 +37,12 @@ def codes_of_names(kind: str, named: Sequence[str]) -> dict[str, Settings]:
 
     Args:
         kind: of camera.
-        named: presets, ``designed``, files of codes or snapshots, weights or runs of `tmca train`, ``default``; each
-            of a file may have a name, ``NAME=FILE``.
+        named: presets, ``designed``, files of codes or snapshots, weights or runs of `tmca train`, ``default``; all
+            but presets and ``designed`` may have a name of yours, ``NAME=FILE``.
 
     Raises:
         SettingError: codes that there are not, or one name twice.
-        DataError: a snapshot of another kind of camera.
+        DataError: a snapshot of another kind of camera, or a folder that is no run.
     """
     presets = CAMERAS[kind].presets
     chosen = list(named) or [name for name in _USUAL.get(kind, tuple(presets)) if name in presets]
@@ -58,7 +58,8 @@ def codes_of_names(kind: str, named: Sequence[str]) -> dict[str, Settings]:
 def _named(text: str) -> tuple[str, str]:
     """Name and file of ``NAME=FILE``; no name of anything else."""
     name, _, file = (part.strip() for part in text.partition("="))
-    return (name, file) if name and file and _is_path(file) and not Path(text).exists() else ("", text)
+    own = name and file and (_is_path(file) or file in _TRAINED) and not Path(text).exists()
+    return (name, file) if own else ("", text)
 
 
 def _is_path(text: str) -> bool:
@@ -71,10 +72,16 @@ def _shown_name(name: str, code: Settings) -> str:
     return f"{name} (burst)" if stored and stored.burst else name
 
 
+def _short(name: str) -> str:
+    """A folder's name, or that of a file without its suffix."""
+    path = Path(name)
+    return path.resolve().name if path.is_dir() else path.stem if path.suffix else name
+
+
 def _code_names(chosen: Sequence[str]) -> dict[str, str]:
     """What was asked for → its name in the study: a file's is given, ``NAME=FILE``, or that without its suffix, behind
     its folder's where two clash."""
-    short = {name: _named(name)[0] or (Path(name).stem if _is_path(name) else name) for name in chosen}
+    short = {name: _named(name)[0] or _short(name) for name in chosen}
     several = list(short.values())
     for name, stem in short.items():
         if several.count(stem) > 1 and _is_path(name) and not _named(name)[0]:
@@ -93,8 +100,13 @@ def _code(kind: str, name: str) -> Settings:
         return {"camera": {key: value for key, value in own.items() if key not in _OF_SCENE}}
     if name == DESIGNED:
         return _DESIGN.get(kind, _DESIGN[""])
-    if name in _TRAINED or Path(name).suffix == ".safetensors" or Path(name).is_dir():
+    if name in _TRAINED or Path(name).suffix == ".safetensors" or (Path(name) / "weights.safetensors").is_file():
         return {"weights": name}
+    if Path(name).is_dir():
+        remedy = "name the run, or a file in it such as codes.nc"
+        raise DataError(
+            name, "a folder without weights.safetensors", "a run of `tmca train`, or a file of codes", remedy
+        )
     if not _is_path(name):
         known = [*presets, DESIGNED, DEFAULT]
         expected = f"{', '.join(known)}, a file of codes, a snapshot, or a run of `tmca train`"

@@ -164,6 +164,7 @@ class Plan:
         """Files of the weights of a decoder, and of codes."""
         weights, slots = options.get("weights"), int(code.camera.get("slots", 8))
         named = None if weights is None else Weights.file(weights, slots, self.study.camera)
+        named = named / "weights.safetensors" if named is not None and named.is_dir() else named
         return [str(file) for file in (named, code.file or code.shown(self.study.camera)) if file is not None]
 
     def trainings(self, codes: Files) -> list[list[Training]]:

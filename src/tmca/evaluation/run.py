@@ -18,7 +18,6 @@ from tmca.evaluation.page import markdown, picture_names, results, write_picture
 from tmca.evaluation.paper import paper_files, write_paper
 from tmca.evaluation.plan import Plan
 from tmca.evaluation.study import Study
-from tmca.evaluation.study_parts import check_weights
 from tmca.evaluation.tables import (
     Split,
     check_counts,
@@ -27,6 +26,7 @@ from tmca.evaluation.tables import (
     plain_columns,
     write_table,
 )
+from tmca.evaluation.trained import check_trained, check_weights
 from tmca.lab.decoder_files import loaded
 from tmca.progress import Asked, counting
 
@@ -75,6 +75,7 @@ def run_study(
     files = [out / name for name in _file_names(study, [*split["names"].values()])]
     overwrite = check_resumed(files, overwrite, "study", study.model_dump(mode="json"))
     study.evaluation.check_study(study, [*split["train"], *split["validation"]], split["test"])
+    check_trained(study, split["test"][0])
     make_folder(out)
     with held_folder(work), counting(progress, f"study {study.name}") as report:
         computing = partial(compute, folder=str(work), device=device, files=loaded(study.decoders))

@@ -231,7 +231,7 @@ class SpectralDepthEvaluation(CameraEvaluation):
             Check(name=f"predicted · {code} · {noise} · seed {seed}", camera=self.kind, method="predicted", code=code,
                   noise=noise, seed=seed,
                   arguments={**about, "settings": cell.settings, "sensor": cell.sensor, "codes": cell.codes,
-                             "weights": cell.camera_of})
+                             "weights": cell.camera_of, "identity": cell.identity})
             for (code, noise, seed), cell in first.items()
         )]  # fmt: skip
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
@@ -12,7 +11,7 @@ from tmca.codes.files import CodesFile, codes_of_file
 from tmca.decoders import Weights
 from tmca.decoders.nets.shipped import DEFAULT, KIND_OF_NAME
 from tmca.design.kinds import KINDS, buckets_of
-from tmca.errors import DataError, SettingError
+from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
 
 
@@ -234,16 +233,3 @@ class PublishedTable(Strict):
     title: str
     about: str
     rows: dict[str, PublishedRow]
-
-
-def check_weights(decoder: str, settings: Mapping[str, Any], kind: str, where: str) -> None:
-    """Raises SettingError for the decoder ``network`` without weights, with some that cannot be read, or with those of
-    another kind of camera; networks of a study bring what it trained."""
-    if decoder != "network":
-        return
-    if not settings.get("weights"):
-        raise SettingError(where, "none for the decoder network", "a run or file of `tmca train`")
-    try:
-        Weights.find(settings["weights"], kind=kind).check_kind(kind)
-    except DataError as error:
-        raise SettingError(where, f"{error.where}: {error.found}", error.expected, error.remedy) from None

@@ -26,8 +26,6 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp")
 _KINDS = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG", ".bmp": "BMP", ".pfm": "PFM"}
 _HIGH, _LOW = ";16B", ";16L"
 """Pillow's raw modes that keep the first and the second byte of every 16-bit sample."""
-_ROWS_ARE_ROWS = 4
-"""EXIF orientations above it exchange rows and columns."""
 _LABEL_NM = re.compile(r"(\d+(?:\.\d+)?)\s*(nm|µm|μm|um)\b", re.IGNORECASE)
 
 
@@ -126,19 +124,15 @@ def _grey(file: Path) -> NDArray[Any]:
     return np.rint(colours.mean(axis=-1)).astype(pixels.dtype)
 
 
-def read_picture(file: Path, *, upright: bool = False) -> NDArray[Any]:
+def read_picture(file: Path) -> NDArray[Any]:
     """The pixels of a PNG, JPEG, BMP or PFM in their own depth, palette resolved.
 
     Colour PNG of 16 bits a channel, which Pillow on its own reduces to 8, is decoded twice, once for each byte.
 
-    Args:
-        file: the picture.
-        upright: turned as its EXIF orientation says, as viewers show it; not in colour of 16 bits.
-
     Raises:
         DataError: the picture cannot be read whole.
     """
-    from PIL import Image, ImageOps
+    from PIL import Image
 
     with _whole_picture(file), Image.open(file) as image:
         _check_picture(file, image)
@@ -147,8 +141,7 @@ def read_picture(file: Path, *, upright: bool = False) -> NDArray[Any]:
             high, low = (_decoded(file, raw.removesuffix(_HIGH) + byte) for byte in (_HIGH, _LOW))
             return np.asarray((high.astype(np.uint16) << 8) | low, dtype=np.uint16)
         image.load()
-        turned = ImageOps.exif_transpose(image) if upright else image
-        return np.asarray(turned.convert() if turned.mode == "P" else turned)
+        return np.asarray(image.convert() if image.mode == "P" else image)
 
 
 def _check_picture(file: Path, image: Any) -> None:
@@ -166,17 +159,16 @@ def _decoded(file: Path, raw: str) -> NDArray[Any]:
         return np.asarray(image)
 
 
-def picture_size(file: Path, *, upright: bool = False) -> tuple[int, int]:
-    """Height and width of a picture, as it is stored or ``upright``, from its header alone.
+def picture_size(file: Path) -> tuple[int, int]:
+    """Height and width of a picture, from its header alone.
 
     Raises:
         DataError: it is no picture.
     """
-    from PIL import ExifTags, Image
+    from PIL import Image
 
     with _whole_picture(file), Image.open(file) as image:
-        lies = upright and image.getexif().get(ExifTags.Base.Orientation, 1) > _ROWS_ARE_ROWS
-        return (image.width, image.height) if lies else (image.height, image.width)
+        return image.height, image.width
 
 
 @contextmanager

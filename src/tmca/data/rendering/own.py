@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tmca.data.formats.images import PICTURES, read_picture
 from tmca.data.formats.opening import read_array
+from tmca.data.formats.orientation import orientation_of, upright
 from tmca.data.formats.stored import nearest_name
 from tmca.errors import DataError
 
@@ -42,7 +43,7 @@ def pixels_of(path: Path) -> NDArray[np.float32]:
     Raises:
         DataError: it cannot be read, or is no photograph.
     """
-    pixels = read_picture(path, upright=True) if path.suffix.lower() in PICTURES else _tiff(path)
+    pixels = read_picture(path) if path.suffix.lower() in PICTURES else _tiff(path)
     if pixels.dtype == np.int32 and path.suffix.lower() == ".png":  # Pillow's type of 16-bit greys
         pixels = pixels.astype(np.uint16)
     if pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[-1] in (1, 2)):
@@ -52,7 +53,7 @@ def pixels_of(path: Path) -> NDArray[np.float32]:
     if colours not in (3, 4) or most is None or (colours == 4 and path.suffix.lower() in (".jpg", ".jpeg")):
         inks = " (inks)" if colours == 4 else ""
         raise DataError(path, f"pixels of shape {pixels.shape}{inks} and type {pixels.dtype}", _WANTED)
-    return np.ascontiguousarray(pixels[..., :3].astype(np.float32) / np.float32(most))
+    return upright(pixels[..., :3].astype(np.float32) / np.float32(most), orientation_of(path))
 
 
 def _tiff(path: Path) -> NDArray[Any]:
