@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from tmca.data.rendering.photographs import is_rendered
 from tmca.decoders import Weights
 from tmca.decoders.nets.bands import check_bands
 from tmca.decoders.nets.weights import RENDERED
@@ -73,9 +72,11 @@ def learned_from(study: Study) -> list[str]:
     from; they do better there than elsewhere."""
     said = []
     for name, weights in _weights(study):
-        known = {_stem(scene) for part in ("scenes", "validation") for scene in weights.card.get(part, ())}
+        used = [scene for part in ("scenes", "validation") for scene in weights.card.get(part, ())]
+        used += study.evaluation.rendered().get("train", ()) if weights.prior == RENDERED else ()
+        known = {_stem(scene) for scene in used}
         for scene in study.scenes.test:
-            if _stem(scene) in known or (weights.prior == RENDERED and is_rendered(_stem(scene))):
+            if _stem(scene) in known:
                 said.append(f"{Path(scene).name} is a scene that the weights {shown_name(name)} learned from.")
     return list(dict.fromkeys(said))
 
