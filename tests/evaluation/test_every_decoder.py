@@ -89,8 +89,8 @@ def test_every_decoder_is_accepted(kind, tmp_path):
     assert {cell.decoder for cell in cells} == set(decoders_for(kind))
     vary = {"decoder": [name for name in decoders_for(kind) if name != "network"]}
     assert len(Sweep(kind, vary, ["coffee"], READING[kind]).points()) == len(vary["decoder"])
-    network = Sweep(kind, {"slots": [2]}, ["coffee"], {}, {"decoder.weights": "w.safetensors"}, "network")
-    assert network.options_of(network.points()[0]) == {"weights": "w.safetensors"}
+    network = Sweep(kind, {"slots": [2]}, ["coffee"], {}, {"decoder.weights": "default"}, "network")
+    assert network.options_of(network.points()[0]) == {"weights": "default"}
 
 
 @pytest.mark.parametrize("kind", KINDS)
