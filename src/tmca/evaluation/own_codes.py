@@ -9,7 +9,7 @@ from tmca.cameras import CAMERAS
 from tmca.codes import BURST
 from tmca.codes.files import codes_of_file
 from tmca.data import read_dataset
-from tmca.decoders.nets.shipped import DEFAULT, KIND_OF_NAME
+from tmca.decoders.nets.shipped import CAMERA_NAMES, DEFAULT
 from tmca.errors import DataError, SettingError, did_you_mean
 from tmca.evaluation.camera import Settings
 
@@ -28,8 +28,6 @@ _DESIGN: dict[str, Settings] = {
     },
     "": {"camera": {"slots": 4}, "search": {"kind": "free", "slots": 4}},
 }  # fmt: skip
-_TRAINED = (DEFAULT, *KIND_OF_NAME)
-"""Names of cameras that come with the package."""
 
 
 def codes_of_names(kind: str, named: Sequence[str]) -> dict[str, Settings]:
@@ -58,7 +56,7 @@ def codes_of_names(kind: str, named: Sequence[str]) -> dict[str, Settings]:
 def _named(text: str) -> tuple[str, str]:
     """Name and file of ``NAME=FILE``; no name of anything else."""
     name, _, file = (part.strip() for part in text.partition("="))
-    own = name and file and (_is_path(file) or file in _TRAINED) and not Path(text).exists()
+    own = name and file and (_is_path(file) or file in CAMERA_NAMES) and not Path(text).exists()
     return (name, file) if own else ("", text)
 
 
@@ -100,7 +98,7 @@ def _code(kind: str, name: str) -> Settings:
         return {"camera": {key: value for key, value in own.items() if key not in _OF_SCENE}}
     if name == DESIGNED:
         return _DESIGN.get(kind, _DESIGN[""])
-    if name in _TRAINED or Path(name).suffix == ".safetensors" or (Path(name) / "weights.safetensors").is_file():
+    if name in CAMERA_NAMES or Path(name).suffix == ".safetensors" or (Path(name) / "weights.safetensors").is_file():
         return {"weights": name}
     if Path(name).is_dir():
         remedy = "name the run, or a file in it such as codes.nc"

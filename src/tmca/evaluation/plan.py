@@ -8,6 +8,7 @@ from typing import Any
 
 from tmca.data.scene_names import identity_of
 from tmca.decoders import Weights, decoders
+from tmca.decoders.nets.weights import weights_file
 from tmca.evaluation.camera import EXAMPLES, Lists, Place
 from tmca.evaluation.cells import LearnedPrior, Measurement, Search, Training
 from tmca.evaluation.grid import Measured, Settings
@@ -163,8 +164,7 @@ class Plan:
     def _files(self, options: Settings, code: Code) -> list[str]:
         """Files of the weights of a decoder, and of codes."""
         weights, slots = options.get("weights"), int(code.camera.get("slots", 8))
-        named = None if weights is None else Weights.file(weights, slots, self.study.camera)
-        named = named / "weights.safetensors" if named is not None and named.is_dir() else named
+        named = None if weights is None else weights_file(Weights.file(weights, slots, self.study.camera))
         return [str(file) for file in (named, code.file or code.shown(self.study.camera)) if file is not None]
 
     def trainings(self, codes: Files) -> list[list[Training]]:

@@ -9,7 +9,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 from tmca.codes import BURST
 from tmca.codes.files import CodesFile, codes_of_file
 from tmca.decoders import Weights
-from tmca.decoders.nets.shipped import DEFAULT, KIND_OF_NAME
+from tmca.decoders.nets.shipped import CAMERA_NAMES
+from tmca.decoders.nets.weights import weights_file
 from tmca.design.kinds import KINDS, buckets_of
 from tmca.errors import SettingError
 from tmca.evaluation.camera import Settings
@@ -114,8 +115,8 @@ class Code(Strict):
     def one_slot(self) -> bool:
         """Whether nothing changes within the exposure."""
         searched, stored = self.search.slots if self.search else None, self._stored
-        if self._trained:
-            return self._trained.slots == 1
+        if trained := self._trained:
+            return trained.slots == 1
         return stored.static if stored else (searched or self.camera.get("slots")) == 1
 
     @property
@@ -129,21 +130,20 @@ class Code(Strict):
         """That a pixel needs for them."""
         stored, kind = self._stored, self.search.kind if self.search else None
         searched = buckets_of(kind, self.search.slots or 1) if self.search and kind in KINDS else 1
-        if self._trained:
-            return int(self._trained.camera.buckets)
+        if trained := self._trained:
+            return int(trained.camera.buckets)
         return stored.buckets if stored else int(self.camera.get("buckets", searched))
 
     def shown(self, kind: str) -> str | None:
         """File of the weights whose codes they are, of a kind of camera; None without."""
         if self.weights is None:
             return None
-        named = Weights.file(self.weights, int(self.camera.get("slots", 8)), kind)
-        return str(named / "weights.safetensors" if named.is_dir() else named)
+        return str(weights_file(Weights.file(self.weights, int(self.camera.get("slots", 8)), kind)))
 
     @property
     def _trained(self) -> Weights | None:
         """Weights of a file or run; those that come with tmca have one bucket, and the slots that ``camera`` says."""
-        named = self.weights in (None, DEFAULT, *KIND_OF_NAME)
+        named = self.weights in (None, *CAMERA_NAMES)
         return None if named else Weights.load(str(self.weights))
 
     @property

@@ -20,6 +20,8 @@ DEFAULT = "default"
 """Name of the weights of a camera that comes with the package, where its kind is known."""
 KIND_OF_NAME = {f"{DEFAULT}-{kind}": kind for kind in SHIPPED}
 """Names that say the kind of camera themselves, ``default-light-field`` and the like, and that kind."""
+CAMERA_NAMES = (DEFAULT, *KIND_OF_NAME)
+"""Names of the cameras that come with the package."""
 UNIVERSAL = "universal"
 """Name of the weights that come with the package for spectral cameras of any bands, codes and buckets."""
 FOLDER = Path(tmca.__file__).parent / "weights"

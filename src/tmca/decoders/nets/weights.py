@@ -143,7 +143,8 @@ class Weights:
             SettingError: a network of any codes, or codes for other bands.
         """
         self.check_codes()
-        check_bands(self.wavelengths, self.wavelengths if bands is None else bands, "the scene's")
+        if bands is not None:
+            check_bands(self.wavelengths, bands, "the scene's")
         wanted = self.size if size is None else tuple(size)
         if wanted != self.size and self.period is None:
             found = f"codes of {self.size[0]}×{self.size[1]} pixels that do not repeat"
@@ -348,9 +349,14 @@ class _Described(Attributes):
     data_vars: dict[str, _Variable]
 
 
+def weights_file(path: str | Path) -> Path:
+    """The file of weights that a path names: itself, or that in the folder of a run."""
+    return Path(path) / "weights.safetensors" if Path(path).is_dir() else Path(path)
+
+
 def _read(path: str | Path) -> tuple[Path, _WeightsAttributes, dict[str, Tensor]]:
     """The file (of a run's folder, the one in it), what it is, and its tensors."""
-    path = Path(path) / "weights.safetensors" if Path(path).is_dir() else Path(path)
+    path = weights_file(path)
     if not path.is_file():
         raise DataError(path, "no such file", "weights from `tmca train`", "train a network and name its file")
     try:
