@@ -124,6 +124,15 @@ def test_covariances_with_pixels_need_no_rows(prior, monkeypatch, buckets, size)
         assert_close(getattr(found, name), getattr(expected, name), rtol=1e-9, atol=1e-12)
 
 
+def test_estimates_of_many_snapshots_need_no_rows_where_these_take_too_much(prior, monkeypatch):
+    camera = SpectralCamera(prior.block[0], (12, 14), 2, dispersion=1)
+    solver = GaussianSolver(prior, BlockModel.of(camera.taps(), prior.block), Noise(0.05))
+    code, many = camera.taps().code.detach(), 1e9
+    assert not solver.by_displacement(code, many, False)
+    monkeypatch.setattr("tmca.priors.gaussian_posterior._MOST_ROW_BYTES", 0)
+    assert solver.by_displacement(code, many, False)
+
+
 def dense_covariance(posterior, prior, noise):
     """A S Aᵀ and the noise of the first block, from the dense covariance."""
     n = prior.covariance.shape[0]

@@ -132,9 +132,10 @@ class BlockModel:
             blocks[:, channel, :, self.span - o : self.span - o + self.columns] += light[:, t]
         return blocks.flatten(1)
 
-    def cross_covariance(self, weights: Tensor, rows: Tensor) -> Tensor:
-        """(measurements, P, n) covariance A S of measurements with pixels; ``rows`` is ``covariance[pixels()]``."""
-        return torch.bmm(weights.permute(2, 3, 0, 1).flatten(0, 1), rows)
+    def cross_covariance(self, weights: Tensor, rows: Tensor, some: slice = slice(None)) -> Tensor:
+        """(measurements, P, n) covariance A S of ``some`` of the measurements with pixels; ``rows`` is
+        ``covariance[pixels()]`` of these."""
+        return torch.bmm(weights.permute(2, 3, 0, 1).flatten(0, 1)[some], rows)
 
 
 @dataclass(frozen=True)

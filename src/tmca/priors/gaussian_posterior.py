@@ -16,7 +16,7 @@ from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.statistics import lower_factor, lower_inverse
 from tmca.sensor import Noise
 
-_MOST_ROW_BYTES, _AT_ONCE, _SOLVED_AT_ONCE = 2**30, 64, 32
+_MOST_ROW_BYTES, _AT_ONCE, _SOLVED_AT_ONCE = 2**30, 32, 32
 """Of covariances of taps with pixels that are stored; without them, measurements that are worked on together, and
 blocks: about as many as a processor's cache has room for."""
 NOISE_FLOOR = 1e-9
@@ -212,18 +212,20 @@ class GaussianSolver:
         """(m, T, n) covariance of the pixels that taps bring to measurements with all pixels."""
         return self.prior.rows(self.model.pixels(), self.dtype)
 
+    @property
+    def _rows_fit(self) -> bool:
+        return self.model.pixels().numel() * self.mean.numel() * self.dtype.itemsize <= _MOST_ROW_BYTES
+
     def cross(self, weights: Tensor) -> Tensor:
         """(m, P, n) covariance A S of the measurements of blocks, whose taps have these weights, with their pixels."""
-        entries = self.model.pixels().numel() * self.mean.numel()
-        if not self.prior.stationary or entries * self.dtype.itemsize <= _MOST_ROW_BYTES:
+        if not self.prior.stationary or self._rows_fit:
             return self.model.cross_covariance(weights, self.rows)
-        units = torch.eye(self.model.measurements).to(weights)
-        return torch.stack([self._light_of(units, one[None]) for one in weights], 1)
-
-    def _light_of(self, units: Tensor, weights: Tensor) -> Tensor:
-        """(m, n) S Aᵀ of single measurements of one block, some at once."""
-        some = (self.model.spread(weights.expand(len(part), -1, -1, -1), part) for part in units.split(_AT_ONCE))
-        return torch.cat([self.smoothing(part) for part in some])
+        made = weights.new_empty(self.model.measurements, len(weights), len(self.mean))
+        pixels = self.model.pixels()
+        for start in range(0, len(pixels), _AT_ONCE):
+            some = slice(start, start + _AT_ONCE)
+            made[some] = self.model.cross_covariance(weights, self.prior.rows(pixels[some], self.dtype), some)
+        return made
 
     @cached_property
     def valid_rows(self) -> Tensor:
@@ -259,7 +261,9 @@ class GaussianSolver:
     def by_displacement(self, code: Tensor, estimates: float, variance: bool) -> bool:
         """Whether blocks under a code are solved without covariances with pixels; arguments as in `posterior`."""
         learned = code.requires_grad and estimates > 0
-        return self.displaceable(code) and not learned and displacement_pays(self.model, estimates, variance)
+        if learned or not self.displaceable(code):
+            return False
+        return not (variance or self._rows_fit) or displacement_pays(self.model, estimates, variance)
 
     def displaceable(self, code: Tensor) -> bool:
         """Whether blocks under a code can be solved so."""
