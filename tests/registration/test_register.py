@@ -18,6 +18,7 @@ from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.registration import MaskPlacement, NotRegistered, dispersion, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
+from tmca.registration.search import search
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
 PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
@@ -161,6 +162,41 @@ def test_a_dispersion_that_the_snapshot_does_not_tell_stays_and_the_mask_is_foun
     assert found.dispersion == 1
     assert "dispersion" not in found.std
     np.testing.assert_allclose(found.placement.shift, MOVED[:2], atol=0.2)
+
+
+class TwoMaxima:
+    """Evidence with two maxima: a mask that is not turned is more probable at the lower one."""
+
+    size, right, wrong = (100, 100), np.array([-0.8, -0.8, 1.0, 0, 0, 0, 0, 0]), np.array([-0.8, 0.4, 0, 0, 0, 0, 0, 0])
+    widths = torch.tensor([0.3, 0.3, 0.8, 1, 1, 1, 1, 1], dtype=torch.float64)
+
+    def among(self, radius, cells):
+        return [(0, at) for at in range(cells**2)]
+
+    def density(self, vector):
+        peaks = ((1000, self.right), (700, self.wrong))
+        away = ((height, (vector - torch.from_numpy(place)) / self.widths) for height, place in peaks)
+        return sum(height * (-one.square().sum() / 2).exp() for height, one in away)
+
+    def each(self, vector, blocks, noise=0.0):
+        return np.full(len(blocks), float(self.density(torch.from_numpy(vector))))
+
+    def value(self, vector, blocks, noise=0.0):
+        return self.each(vector, blocks).sum()
+
+    def slope(self, vector, blocks, noise=0.0):
+        place = torch.tensor(vector, dtype=torch.float64, requires_grad=True)
+        (slope,) = torch.autograd.grad(self.density(place), place)
+        return self.value(vector, blocks), len(blocks) * slope.numpy()
+
+
+def test_of_two_maxima_the_higher_one_is_found():
+    evidence = TwoMaxima()
+    drawn = [evidence.value(place * (np.arange(8) < 2), [(0, 0)]) for place in (evidence.right, evidence.wrong)]
+    assert drawn[0] < drawn[1]
+    found = search(evidence)
+    assert found.converged
+    np.testing.assert_allclose(found.vector, evidence.right, atol=0.01)
 
 
 def test_a_light_fields_mask_is_found():

@@ -1,9 +1,9 @@
-"""Coarse to fine: shifts tried one by one, then all coordinates climbed, with less and less noise and more of the
-frame."""
+"""Coarse to fine: shifts tried one by one, the best of them climbed, then the best of these in all coordinates, with
+less and less noise and more of the frame."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,13 +42,12 @@ class Stage(NamedTuple):
 
 
 _ALL = tuple(range(len(NAMES)))
-_STAGES = (
-    Stage(0.1, 0.3, 3, (0, 1, 6), 4, 0.4),
-    Stage(0.1, 0.55, 4, (0, 1, 2, 3, 6), 6, 0.4),
-    Stage(0.03, 1.0, 5, _ALL, 8, 0.4),
-    Stage(0.0, 1.0, 6, _ALL, 8, 0.15),
-)
-LAST = _STAGES[-1]
+_FIRST = (Stage(0.1, 0.3, 3, (0, 1, 6), 4, 0.4), Stage(0.1, 0.55, 4, (0, 1, 2, 3, 6), 6, 0.4))
+LAST = Stage(0.0, 1.0, 6, _ALL, 8, 0.15)
+_THEN = (Stage(0.03, 1.0, 5, _ALL, 8, 0.4), LAST)
+_STARTS = 4
+"""Shifts that are climbed: under a dispersion and a rotation that are not yet found, the most probable one may lie
+beside the mask's place, with the right one next to it."""
 _ELSEWHERE = ((5, 7), (-7, 5), (11, -3), (-3, -11), (9, 9), (-8, -6), (-10, 8), (6, -9))
 """Pixels down and right to places where the mask does not lie."""
 _STANDS_OUT = 0.9
@@ -74,13 +73,14 @@ def search(evidence: MaskEvidence, progress: Progress | None = None) -> Climbed:
     """The place of the mask under which a snapshot is most probable."""
     report = progress or (lambda share: None)
     half = max(evidence.size) / 2
-    centre, *parts = [evidence.among(stage.share * half, stage.cells) for stage in (_CENTRE, *_STAGES)]
+    centre, *parts = [evidence.among(stage.share * half, stage.cells) for stage in (_CENTRE, *_FIRST, *_THEN)]
     if not centre or min(map(len, parts)) < 1 or len(parts[-1]) < _FEWEST:
         return Climbed(np.zeros(len(NAMES)), False)
-    vector = best_shift(evidence, centre, report)
-    for done, (stage, blocks) in enumerate(zip(_STAGES, parts, strict=True), start=1):
+    starts = best_shifts(evidence, centre, report)
+    vector = best_climbed(evidence, starts, parts[: len(_FIRST)], report)
+    for done, (stage, blocks) in enumerate(zip(_THEN, parts[len(_FIRST) :], strict=True), start=1):
         vector = climb(evidence, vector, blocks, stage)
-        report(0.3 + 0.6 * done / len(_STAGES))
+        report(0.6 + 0.3 * done / len(_THEN))
     inside = bool((np.abs(vector) < 0.98 * _MOST).all())
     return Climbed(vector, inside and standing(evidence, vector, parts[-1]) > _STANDS_OUT)
 
@@ -103,8 +103,8 @@ def standing(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> floa
     return float(ranks[gains > 0].sum() / ranks.sum())
 
 
-def best_shift(evidence: MaskEvidence, blocks: Places, report: Progress) -> np.ndarray:
-    """The most probable of shifts in steps."""
+def best_shifts(evidence: MaskEvidence, blocks: Places, report: Progress) -> np.ndarray:
+    """(N, 8): the most probable of shifts in steps, the best first."""
     steps = np.arange(-REACH, REACH + _STEP / 2, _STEP)
     shifts = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
     vectors = np.pad(shifts, ((0, 0), (0, len(NAMES) - 2)))
@@ -112,7 +112,18 @@ def best_shift(evidence: MaskEvidence, blocks: Places, report: Progress) -> np.n
     for at, vector in enumerate(vectors):
         values[at] = evidence.value(vector, blocks, _CENTRE.noise)
         report(0.3 * (at + 1) / len(vectors))
-    return vectors[values.argmax()]
+    return vectors[values.argsort()[::-1][:_STARTS]]
+
+
+def best_climbed(evidence: MaskEvidence, starts: np.ndarray, parts: Sequence[Places], report: Progress) -> np.ndarray:
+    """The most probable place that the first stages lead to from several shifts."""
+    ends = []
+    for done, vector in enumerate(starts, start=1):
+        for stage, blocks in zip(_FIRST, parts, strict=True):
+            vector = climb(evidence, vector, blocks, stage)
+        ends.append((evidence.value(vector, blocks, stage.noise), vector))
+        report(0.3 + 0.3 * done / len(starts))
+    return max(ends, key=lambda end: end[0])[1]
 
 
 def climb(evidence: MaskEvidence, vector: np.ndarray, blocks: Places, stage: Stage) -> np.ndarray:
