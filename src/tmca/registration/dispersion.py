@@ -39,7 +39,7 @@ def with_dispersion(
         if abs(error) * np.ptp(snapshot.camera.dispersion.displacement) / 2 < _LEAST_DISPLACEMENT:
             return 1.0, climbed, evidence
         other = scaled(snapshot, prior, 1 + error)
-        vector = climb(other, vector, many, LAST._replace(steps=4))
+        vector = climb(other, vector, many, LAST)
         around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
         error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
     if abs(error) >= 0.98 * MOST_DISPERSION:

@@ -43,7 +43,7 @@ class Stage(NamedTuple):
 
 _ALL = tuple(range(len(NAMES)))
 _FIRST = (Stage(0.1, 0.3, 3, (0, 1, 6), 4, 0.4), Stage(0.1, 0.55, 4, (0, 1, 2, 3, 6), 6, 0.4))
-LAST = Stage(0.0, 1.0, 6, _ALL, 8, 0.15)
+LAST = Stage(0.0, 1.0, 6, _ALL, 12, 0.15)
 _THEN = (Stage(0.03, 1.0, 5, _ALL, 8, 0.4), LAST)
 _STARTS = 4
 """Shifts that are climbed: under a dispersion and a rotation that are not yet found, the most probable one may lie
@@ -53,6 +53,8 @@ _ELSEWHERE = ((5, 7), (-7, 5), (11, -3), (-3, -11), (9, 9), (-8, -6), (-10, 8), 
 _STANDS_OUT = 0.9
 """Share of the signed ranks of blocks that have to be for the place that was found."""
 _CENTRE = Stage(0.05, 0.25, 3, (), 0, 0.0)
+_LEAST_GAIN = 1e-5
+"""Relative, of log evidence: a step that gains less ends a climb; single precision tells little more."""
 _FEWEST = 6
 """Blocks, below which none of them tells a place from another."""
 
@@ -142,7 +144,7 @@ def climb(evidence: MaskEvidence, vector: np.ndarray, blocks: Places, stage: Sta
     reach = np.where(np.arange(len(vector)) < 2, stage.shift, np.inf)
     low, high = (np.maximum(_LEAST, vector - reach), np.minimum(_MOST, vector + reach))
     bounds = np.stack([low[free] / scales, high[free] / scales], 1)
-    options = {"maxiter": stage.steps, "maxfun": stage.steps + 4}
+    options = {"maxiter": stage.steps, "maxfun": stage.steps + 4, "ftol": _LEAST_GAIN, "maxls": 8}
     ended = minimize(cost, vector[free] / scales, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
     found = vector.copy()
     found[free] = ended.x * scales
