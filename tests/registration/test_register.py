@@ -18,7 +18,7 @@ from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.registration import MaskPlacement, NotRegistered, dispersion, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
-from tmca.registration.search import search
+from tmca.registration.search import LAST, Climbed, climb, judged, search
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
 PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
@@ -153,9 +153,15 @@ def test_a_dispersion_is_as_sure_as_its_evidence_is_curved(factor, monkeypatch):
     assert math.isnan(dispersion.dispersion_std(snapshot, PRIOR, MOVED, blocks, best))
 
 
-def test_a_dispersion_that_the_snapshot_does_not_tell_stays_and_the_mask_is_found(monkeypatch):
-    limit = dispersion.MOST_DISPERSION
-    monkeypatch.setattr(dispersion, "_stretched", lambda *given: (1.0, given[4] * limit))
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("_stretched", lambda *given: (1.0, given[4] * dispersion.MOST_DISPERSION)),
+        ("judged", lambda evidence, vector, blocks: Climbed(vector + 9, False)),
+    ],
+)
+def test_a_dispersion_at_its_limit_or_without_a_place_stays_and_the_mask_is_found(monkeypatch, name, other):
+    monkeypatch.setattr(dispersion, name, other)
     _, snapshot = elsewhere(camera(**DISPERSED), MOVED)
     found = register(snapshot, PRIOR)
     assert found.converged
@@ -197,6 +203,27 @@ def test_of_two_maxima_the_higher_one_is_found():
     found = search(evidence)
     assert found.converged
     np.testing.assert_allclose(found.vector, evidence.right, atol=0.01)
+
+
+class Ridge(TwoMaxima):
+    """Evidence whose coordinates say much alone and little together."""
+
+    top = np.array([0.1, -0.1, 0.9, 0.6, -0.4, 0.5, 0.8, 0.7])
+
+    def density(self, vector):
+        away = vector - torch.from_numpy(self.top)
+        return 500 - 40 * (away.diff().square().sum() + 0.02 * away.square().sum())
+
+
+def test_the_last_climb_ends_at_the_top():
+    ended = climb(Ridge(), np.zeros(8), [(0, at) for at in range(36)], LAST)
+    np.testing.assert_allclose(ended, Ridge.top, atol=0.1)
+
+
+def test_a_place_at_its_limit_is_none():
+    evidence, blocks = TwoMaxima(), [(0, at) for at in range(36)]
+    assert judged(evidence, evidence.right, blocks).converged
+    assert not judged(evidence, np.where(np.arange(8) == 3, 2.0, evidence.right), blocks).converged
 
 
 def test_a_light_fields_mask_is_found():

@@ -25,9 +25,9 @@ from tmca.priors.gaussian_posterior import BlockPosterior, FoldedPosterior, Gaus
 from tmca.priors.mixture_posterior import MixturePosterior, MixtureSolver
 from tmca.sensor import Noise
 
-MEMORY, DEVICE_MEMORY, MOST_FACTOR_BYTES = 2**27, 2**30, 5 * 2**29
-"""Bytes of the covariances of measurements with pixels that are held at once, on the processor and on other devices,
-and of what is stored of all blocks of a frame: that of 660×660 pixels in 28 bands fits."""
+MEMORY, MOST_FACTOR_BYTES = 2**27, 5 * 2**29
+"""Bytes of the covariances of measurements with pixels that are held at once, and of what is stored of all blocks of a
+frame: that of 660×660 pixels in 28 bands fits."""
 _AT_ONCE = 32
 _NO_BANK = "leave the file out: what can be computed once is then stored in memory"
 Solver = GaussianSolver | MixtureSolver
@@ -192,9 +192,9 @@ def blend_window(layout: BlockLayout, solver: Solver) -> Tensor:
 def solved_parts(
     layout: BlockLayout, solver: Solver, groups: list[Places], batch: int, variance: bool
 ) -> Iterator[Solved]:
-    """The groups with what is known of their blocks, as many at once as memory allows, for so many snapshots."""
-    each, memory = _estimates(groups, batch), MEMORY if layout.code.device.type == "cpu" else DEVICE_MEMORY
-    most = solver.at_once(layout.code, memory, each, variance)
+    """The groups with what is known of their blocks, as many at once as ``MEMORY`` allows, for so many snapshots."""
+    each = _estimates(groups, batch)
+    most = solver.at_once(layout.code, MEMORY, each, variance)
     for start in range(0, len(groups), most):
         part = groups[start : start + most]
         windows = layout.grid.code_windows(layout.code, [places[0] for places in part])
@@ -308,7 +308,7 @@ class Factors:
         too."""
         groups = layout.groups
         fits = FoldedPosterior.bytes_of(solver, len(groups)) <= MOST_FACTOR_BYTES
-        if not fits or not solver.prior.stationary or layout.code.device.type != "cpu":
+        if not fits or not solver.displaceable(layout.code):
             return None
         solver.drop_rows()
         room, start = FoldedPosterior.room(solver, len(groups)), 0

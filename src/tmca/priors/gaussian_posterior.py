@@ -17,8 +17,8 @@ from tmca.priors.statistics import lower_factor, lower_inverse
 from tmca.sensor import Noise
 
 _MOST_ROW_BYTES, _AT_ONCE, _SOLVED_AT_ONCE = 2**30, 32, 32
-"""Of covariances of taps with pixels that are stored; without them, measurements that are worked on together, and
-blocks: about as many as a processor's cache has room for."""
+"""Of covariances of taps with pixels that are stored; without them, measurements for which they are made together, and
+blocks that are solved together, about as many as a processor's cache has room for."""
 NOISE_FLOOR = 1e-9
 """Variance of every measurement, squared snapshot units: G stays invertible without noise and without light."""
 
@@ -263,7 +263,7 @@ class GaussianSolver:
         learned = code.requires_grad and estimates > 0
         if learned or not self.displaceable(code):
             return False
-        return not (variance or self._rows_fit) or displacement_pays(self.model, estimates, variance)
+        return not self._rows_fit or displacement_pays(self.model, estimates, variance)
 
     def displaceable(self, code: Tensor) -> bool:
         """Whether blocks under a code can be solved so."""

@@ -12,7 +12,7 @@ from tmca.codes import Codes
 from tmca.operators.block_layout import Places
 from tmca.optics.spectral import on_columns
 from tmca.registration.evidence import MaskEvidence
-from tmca.registration.search import LAST, Climbed, climb
+from tmca.registration.search import LAST, Climbed, climb, judged
 
 MOST_DISPERSION = 0.015
 """Relative error of the dispersion that is looked for."""
@@ -30,7 +30,7 @@ def with_dispersion(
     snapshot: Snapshot[Any], prior: Any, climbed: Climbed, evidence: MaskEvidence
 ) -> tuple[float, Climbed, MaskEvidence]:
     """The most probable dispersion for a mask that is nearly in place, and the mask behind it; the dispersion as it was
-    drawn where the snapshot does not tell it, which ends at the limit."""
+    drawn where the snapshot does not tell it, which ends at the limit or moves the mask to no place."""
     half, vector = max(evidence.size) / 2, climbed.vector
     few, many = evidence.among(half, _CELLS), evidence.among(LAST.share * half, LAST.cells)
     sides = [_stretched(snapshot, prior, vector, few, side, (0, MOST_DISPERSION)) for side in (-1, 1)]
@@ -42,9 +42,11 @@ def with_dispersion(
         vector = climb(other, vector, many, LAST)
         around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
         error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
-    if abs(error) >= 0.98 * MOST_DISPERSION:
+    best = scaled(snapshot, prior, 1 + error)
+    ended = judged(best, vector, many)
+    if abs(error) >= 0.98 * MOST_DISPERSION or not ended.converged:
         return 1.0, climbed, evidence
-    return 1 + error, Climbed(vector, True), scaled(snapshot, prior, 1 + error)
+    return 1 + error, ended, best
 
 
 def _stretched(

@@ -54,7 +54,7 @@ _STANDS_OUT = 0.9
 """Share of the signed ranks of blocks that have to be for the place that was found."""
 _CENTRE = Stage(0.05, 0.25, 3, (), 0, 0.0)
 _LEAST_GAIN = 1e-5
-"""Relative, of log evidence: a step that gains less ends a climb; single precision tells little more."""
+"""Relative, of log evidence: a step that gains less ends a climb, a tenth of a standard deviation short at most."""
 _FEWEST = 6
 """Blocks, below which none of them tells a place from another."""
 
@@ -83,8 +83,13 @@ def search(evidence: MaskEvidence, progress: Progress | None = None) -> Climbed:
     for done, (stage, blocks) in enumerate(zip(_THEN, parts[len(_FIRST) :], strict=True), start=1):
         vector = climb(evidence, vector, blocks, stage)
         report(0.6 + 0.3 * done / len(_THEN))
+    return judged(evidence, vector, parts[-1])
+
+
+def judged(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> Climbed:
+    """The end of a climb, and whether it is a place of the mask."""
     inside = bool((np.abs(vector) < 0.98 * _MOST).all())
-    return Climbed(vector, inside and standing(evidence, vector, parts[-1]) > _STANDS_OUT)
+    return Climbed(vector, inside and standing(evidence, vector, blocks) > _STANDS_OUT)
 
 
 def gain_over_drawn(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> float:
