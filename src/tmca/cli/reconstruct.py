@@ -66,8 +66,8 @@ def reconstruct(
             in digital numbers need one.
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         tv_weight: weight of the total variation; chosen from the noise level without it.
-        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted, mixture: they do without it);
-            the universal network always does, networks that come with codes have none of light.
+        uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted and mixture, which take less
+            time without); the universal network always does, networks that come with codes have none of light.
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is

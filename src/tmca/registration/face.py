@@ -67,9 +67,9 @@ def register(
     """Where the mask of a snapshot lies: the place under which the snapshot is most probable.
 
     The density of blocks of the snapshot under a Gaussian prior of scenes (its evidence) is climbed over shift (up to
-    2.4 pixels), rotation, scale, stretch and shear (up to 2 pixels at the frame's edge), light, blur and, of a spectral
-    camera, dispersion (up to 1.5 %), from coarse to fine (evidence maximisation); no truth and no calibration is
-    needed. Whether the place stands out is told by the signed ranks of blocks (Wilcoxon).
+    2.4 pixels), rotation and scale (up to 2 pixels at the frame's edge), stretch and shear (up to 1), light, blur and,
+    of a spectral camera, dispersion (up to 1.5 %), from coarse to fine (evidence maximisation); no truth and no
+    calibration is needed. Whether the place stands out is told by the signed ranks of blocks (Wilcoxon).
 
     Args:
         snapshot: of a spectral or light-field camera with masks of pixels.
