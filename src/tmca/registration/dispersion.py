@@ -42,11 +42,11 @@ def with_dispersion(
         vector = climb(other, vector, many, LAST)
         around = (abs(error) - _NEARBY, min(abs(error) + _NEARBY, MOST_DISPERSION))
         error = _stretched(snapshot, prior, vector, many, int(np.sign(error)), around)[1]
+    if abs(error) >= 0.98 * MOST_DISPERSION:
+        return 1.0, climbed, evidence
     best = scaled(snapshot, prior, 1 + error)
     ended = judged(best, vector, many)
-    if abs(error) >= 0.98 * MOST_DISPERSION or not ended.converged:
-        return 1.0, climbed, evidence
-    return 1 + error, ended, best
+    return (1 + error, ended, best) if ended.converged else (1.0, climbed, evidence)
 
 
 def _stretched(

@@ -128,7 +128,7 @@ def best_climbed(evidence: MaskEvidence, starts: np.ndarray, parts: Sequence[Pla
     for done, vector in enumerate(starts, start=1):
         for stage, blocks in zip(_FIRST, parts, strict=True):
             vector = climb(evidence, vector, blocks, stage)
-        ends.append((evidence.value(vector, blocks, stage.noise), vector))
+        ends.append((evidence.value(vector, parts[-1], _FIRST[-1].noise), vector))
         report(0.3 + 0.3 * done / len(starts))
     return max(ends, key=lambda end: end[0])[1]
 
