@@ -1,9 +1,16 @@
 """``tmca reconstruct --register auto``: a bench whose mask is displaced, decoded without a calibration."""
 
-import pytest
+from dataclasses import replace
 
+import numpy as np
+import pytest
+import torch
+import xarray as xr
+
+import tmca
 from tests.cli.calls import answer, run
 from tests.cli.refusals import refused
+from tmca.registration import NotRegistered
 
 BENCH = [
     "--bands",
@@ -41,8 +48,25 @@ def test_the_mask_is_found_and_the_scene_is_better(displaced, capsys):
     drawn = answer(capsys, *how, "--out", "drawn.nc")
     found = answer(capsys, *how, "--register", "auto", "--out", "found.nc")
     assert found["metrics"]["psnr"] > drawn["metrics"]["psnr"] + 3
-    assert found["registered"].startswith("mask +0.8")
-    assert "mask +0.8" in run(capsys, *how, "--register", "auto", "--out", "again.nc").out
+    assert found["registered"]["converged"]
+    assert found["registered"]["shift"][0] == pytest.approx(0.8, abs=0.1)
+    shown = run(capsys, *how, "--register", "auto", "--out", "again.nc").out
+    assert "mask +0.8" in shown
+    assert "light × " in shown
+    assert f"± {found['registered']['std']['down']:.3f} and" in shown
+
+
+def test_where_nothing_stands_out_it_is_said_and_the_estimate_is_that_of_the_mask_as_drawn(displaced, capsys):
+    wrong = tmca.load(displaced)
+    noise = torch.rand(wrong.values.shape, generator=torch.Generator().manual_seed(0))
+    replace(wrong, values=noise).save("noise.nc")
+    how = ["reconstruct", "noise.nc", "--no-figures"]
+    answer(capsys, *how, "--out", "drawn.nc")
+    with pytest.warns(NotRegistered, match="no place of the mask stands out"):
+        found = answer(capsys, *how, "--register", "auto", "--out", "found.nc")
+    assert not found["registered"]["converged"]
+    assert found["registered"]["std"]["down"] is None
+    np.testing.assert_array_equal(*(xr.load_dataset(file)["estimate"] for file in ("drawn.nc", "found.nc")))
 
 
 def test_another_word_is_refused(displaced, capsys):

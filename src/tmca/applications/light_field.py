@@ -199,9 +199,10 @@ class LightFieldApplication(Application):
         # buckets beside each other, the first at the left
         frames = None if snapshot is None else torch.cat(snapshot.values.unbind(1), -1).numpy(force=True)
         shown = frames if frames is None or len(frames) > 1 else frames[0]
-        views = {str(estimate.attrs["decoder"]): estimate["estimate"].values}
+        name, real = str(estimate.attrs["decoder"]), None if truth is None else truth.values
+        spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
         buckets = 1 if snapshot is None else snapshot.camera.buckets
-        return light_field_figure(views, None if truth is None else truth.values, shown, buckets)
+        return light_field_figure({name: estimate["estimate"].values}, real, shown, buckets, spread)
 
     def figures(
         self,

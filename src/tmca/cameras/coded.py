@@ -170,7 +170,8 @@ class CodedCamera(Camera):
         """The collapsed code with the response folded in; SettingError for optics that keep the slots apart."""
         operator = self.operator()
         if not isinstance(operator, TapOperator):
-            raise SettingError("relay_blur", "some", "none where one code stands for all slots")
+            wanted = "none where one code stands for all slots"
+            raise SettingError("relay_blur", "some", wanted, "use admm-tv, which takes the slots one by one")
         return operator.taps
 
     def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:

@@ -135,8 +135,8 @@ class Reconstruction:
         shown = estimate.to_xarray()
         remarks = [*self._own(), *self._left(estimate, report), *application_of(self.taken.camera).remarks(shown)]
         if self.placed is not None:
-            report["registered"] = str(self.placed)
-            remarks = [str(self.placed), *remarks] if self.placed.converged else remarks
+            report["registered"] = self.placed.described()
+            remarks = [*self.placed.lines(), *remarks] if self.placed.converged else remarks
         return Reconstructed(shown, scene, report, [*remarks, *beside_constant(metrics)])
 
     def _estimate(self) -> Estimate:
@@ -228,6 +228,7 @@ def _usual(camera: Any, request: Request) -> tuple[str, dict[str, Any]]:
     """Decoder where none is named, and its settings: one made for the camera, if it knows what is requested."""
     from tmca.applications import application_of
     from tmca.decoders import usual_for
+    from tmca.decoders.decoder import possible_decoder
 
     if request.how["weights"]:
         return "network", {}
@@ -237,4 +238,7 @@ def _usual(camera: Any, request: Request) -> tuple[str, dict[str, Any]]:
     given += [text.partition("=")[0].strip() for text in request.texts]
     alone = not (request.prior or request.bank or request.register)
     name, settings = usual_for(camera, given) if alone else ("", dict[str, Any]())
-    return (name, settings) if settings else (application_of(camera.kind).default_decoder, {})
+    if settings:
+        return name, settings
+    default = application_of(camera.kind).default_decoder
+    return default if request.prior else possible_decoder(default, camera), {}

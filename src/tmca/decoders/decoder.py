@@ -332,7 +332,7 @@ def decode(
     if decoder is None:
         alone = prior is None and bank is None
         usual, own = usual_for(snapshot.camera, settings) if alone else (usual_decoder(kind), {})
-        decoder, settings = usual if prior is not None else _possible(usual, snapshot.camera), own | settings
+        decoder, settings = usual if prior is not None else possible_decoder(usual, snapshot.camera), own | settings
     if isinstance(decoder, str | Path):
         decoder = class_of_file(str(decoder), Decoder) if is_file(str(decoder)) else str(decoder)
     made = make_decoder(decoder, kind, settings)
@@ -344,7 +344,7 @@ def decode(
     return replace(estimate, seconds=estimate.seconds + prepared.seconds)
 
 
-def _possible(usual: str, camera: Any) -> str:
+def possible_decoder(usual: str, camera: Any) -> str:
     """Name of the usual decoder of a camera, of one without a prior where the rendered scenes have none for it."""
     available = decoders_for(camera.kind)
     cls = available.get(usual)

@@ -76,8 +76,10 @@ def depth_figure(
     truth: Pair | None = None,
     at: Sequence[tuple[int, int]] | None = None,
     label: str = "depth",
+    deviation: np.ndarray | None = None,
 ) -> Figure:
-    """Colour composite, depth with a metric bar, confidence or error, and spectra; the truth in a row of its own.
+    """Colour composite, depth with a metric bar, confidence, and spectra; the truth in a row of its own. At the right
+    the predicted error of the depth, below the actual one where the truth is known, on the same scale.
 
     Args:
         name: of the estimate.
@@ -88,6 +90,7 @@ def depth_figure(
         truth: cube and depth.
         at: pixels (row, column) of the spectra; some of different spectra without.
         label: what the depth is called.
+        deviation: ``(H, W)`` predicted standard deviation of the depth, metres.
 
     Raises:
         SettingError: a pixel outside the picture, or too many.
@@ -97,16 +100,29 @@ def depth_figure(
     points = sample_points(reference) if at is None else check_points(at, (reference.shape[1], reference.shape[2]))
     rows = [] if truth is None else [("truth", *truth)]
     rows.append((name, *estimate))
-    figure, axes = grid(len(rows), 3, width=3.6, aspect=reference.shape[1] / reference.shape[2])
+    columns = 3 + (deviation is not None)
+    figure, axes = grid(len(rows), columns, width=3.6, aspect=reference.shape[1] / reference.shape[2])
     for row, (title, cube, depth) in zip(axes, rows, strict=True):
         image(row[0], rgb_composite(cube, wavelengths, white), title)
         mark(row[0], points)
         depth_map(row[1], depth, title=f"depth, {title}", limits=limits, called=label)
     image(axes[-1, 2], confidence, "confidence", top=1.0, bar="probability within a bin, as a share")
+    if deviation is not None:
+        _depth_errors(axes[:, 3], deviation, None if truth is None else np.abs(estimate[1] - truth[1]))
     if truth is not None:
         spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
         legend_below(figure, axes[0, 2])
     return note_false_colour(figure, wavelengths)
+
+
+def _depth_errors(axes: np.ndarray, predicted: np.ndarray, actual: np.ndarray | None) -> None:
+    """The predicted error of a depth, and above it the actual one where it is known."""
+    maps = [("predicted error of the depth (1 σ)", predicted)]
+    maps += [("error of the depth", actual)] if actual is not None else []
+    known = [values[np.isfinite(values)] for _, values in maps]
+    top = max((float(np.quantile(values, 0.99)) for values in known if values.size), default=0.0) or 1.0
+    for axis, (title, values) in zip(axes[::-1], maps, strict=True):
+        image(axis, np.where(np.isfinite(values), values, np.nan), title, "magma", top, bar="m")
 
 
 def before_after(

@@ -135,7 +135,9 @@ def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
     values = estimate["estimate"]
     views = values.sizes["view_v"], values.sizes["view_u"]
     scene = None if truth is None else fit_views(truth, views, _size(values), "truth").values
-    return light_field_figure({str(estimate.attrs["decoder"]): values.values}, scene)
+    name = str(estimate.attrs["decoder"])
+    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+    return light_field_figure({name: values.values}, scene, deviations=spread)
 
 
 def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, float], at: Points) -> Figure:
@@ -145,7 +147,8 @@ def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, 
     scene = None if truth is None else fit_depth_scene(truth, waves, _size(cube), *limits, **how)  # type: ignore[arg-type]
     real = None if scene is None else (scene["radiance"].values, scene["depth"].values)
     label = MAPPED if mapping_of(estimate.attrs) else "depth"
-    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real, at, label)
+    spread = estimate["depth_deviation"].values if "depth_deviation" in estimate else None
+    return depth_figure(name, pair, estimate["confidence"].values, waves, limits, real, at, label, spread)
 
 
 def _other(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:

@@ -32,8 +32,10 @@ def light_field_figure(
     truth: np.ndarray | None = None,
     snapshot: np.ndarray | None = None,
     buckets: int = 1,
+    deviations: Mapping[str, np.ndarray] | None = None,
 ) -> Figure:
-    """A row for the truth and for each estimate: centre view, part of it enlarged, and error map with PSNR and SSIM.
+    """A row for the truth and for each estimate: centre view, part of it enlarged, and error map with PSNR and SSIM;
+    beside it, on the same scale, the error that an estimate predicts.
 
     The box in the views is the part that is enlarged, the same in all rows. Two epipolar slices go through its marked
     row and column: below it, the row in the views from left to right; beside it, the column in those from top to
@@ -45,6 +47,7 @@ def light_field_figure(
         truth: of the same shape, if it is known.
         snapshot: ``(H, W')`` or ``(3, H, W')``; of several buckets beside each other, the first at the left.
         buckets: how many.
+        deviations: name → predicted standard deviation of an estimate, of its shape.
 
     Raises:
         ShapeError: no light fields, or shapes that differ.
@@ -53,12 +56,12 @@ def light_field_figure(
     reference = np.asarray(next(iter(panels.values())))
     white, window = brightest(reference), zoom_window(reference)
     height, width = reference.shape[-2:]
-    columns = 2 + (truth is not None or snapshot is not None)
+    columns = 2 + (truth is not None or snapshot is not None) + bool(deviations)
     figure, axes = grid(len(panels), columns, width=_WIDTH, aspect=min(height / width, 2.5))
     if snapshot is not None:
         draw_snapshot(axes[0, 2], snapshot, buckets)
-    if truth is not None:
-        _errors(axes[:, 2], estimates, np.asarray(truth), flat=snapshot is None)
+    top = _errors(axes[:, 2], estimates, np.asarray(truth), flat=snapshot is None) if truth is not None else None
+    _predicted(axes[-len(estimates) :, -1], estimates, deviations or {}, top)
     for row, (name, field) in zip(axes, panels.items(), strict=True):
         _draw_view(row[0], field, white, f"{name}: centre view" if name == "truth" else name, window)
         _draw_zoom(row[1], field, white, window, _cross(reference, window))
@@ -122,8 +125,9 @@ def _strip(start: float, stop: float) -> tuple[float, float]:
     return stop + _GAP * length, stop + (_GAP + _SLICE) * length
 
 
-def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool) -> None:
-    """Error maps on one scale; first, if ``flat``, that of the true centre view in place of all."""
+def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool) -> float:
+    """Error maps on one scale, whose top is returned; first, if ``flat``, that of the true centre view in place of
+    all."""
     maps = [(_quality(field, truth), rms(np.asarray(field) - truth)) for field in estimates.values()]
     top = float(np.quantile([values for _, values in maps], 0.99)) or 1.0
     if flat:
@@ -133,6 +137,19 @@ def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.nda
     for axis, (quality, values) in zip(axes[len(axes) - len(maps) :], maps, strict=True):
         _picture(axis, values, f"{quality}\nerror (rms over views)", cmap="magma", vmin=0, vmax=top)
         add_bar(axis, axis.images[0], _UNIT)
+    return top
+
+
+def _predicted(
+    axes: np.ndarray, estimates: Mapping[str, np.ndarray], deviations: Mapping[str, np.ndarray], top: float | None
+) -> None:
+    """Predicted standard deviations in the rows of their estimates, up to the top of the errors if these are known."""
+    for axis, name in zip(axes, estimates, strict=True):
+        if name in deviations:
+            values = rms(np.asarray(deviations[name]))
+            high = top or float(np.quantile(values, 0.99)) or 1.0
+            _picture(axis, values, "predicted error\n(1 σ, rms over views)", cmap="magma", vmin=0, vmax=high)
+            add_bar(axis, axis.images[0], _UNIT)
 
 
 def _picture(axis: Axes, values: np.ndarray, title: str, **how: Any) -> None:

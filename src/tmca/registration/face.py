@@ -57,6 +57,22 @@ class Registered:
         more = "" if self.dispersion == 1 else f"; dispersion {self.dispersion:.5f} times as drawn"
         return f"mask {self.placement}{more} ({self.seconds:.0f} s)"
 
+    def lines(self) -> list[str]:
+        """The same, and below it the standard deviations."""
+        if not self.converged:
+            return [str(self)]
+        if math.isnan(self.std["down"]):
+            return [str(self), "  ± not known: the evidence has no maximum there"]
+        exact = "  ± {down:.3f} and {right:.3f} px, {rotation:.4f}°, {scale:.5f} of scale".format(**self.std)
+        dispersion = self.std.get("dispersion", math.nan)
+        return [str(self), exact + ("" if math.isnan(dispersion) else f", {dispersion:.5f} of dispersion")]
+
+    def described(self) -> dict[str, Any]:
+        """The same as plain numbers, None where a standard deviation is not known."""
+        std = {name: value if math.isfinite(value) else None for name, value in self.std.items()}
+        place = {**self.placement.described(), "dispersion": self.dispersion, "std": std}
+        return {"converged": self.converged, **place, "evidence_gain": self.evidence_gain}
+
 
 def register(
     snapshot: Snapshot[Any],

@@ -68,7 +68,7 @@ class MaskPlacement:
         return (
             f"{down:+.3f} px down, {right:+.3f} px right, turned by {self.rotation:+.4f}°, "
             f"{strain[0, 0]:.5f} × {strain[1, 1]:.5f} as large, shear {strain[0, 1]:+.5f}, "
-            f"blurred by {math.sqrt(self.blur):.2f} px"
+            f"blurred by {math.sqrt(self.blur):.2f} px, light × {self.light:.3f}"
         )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json as json_module
 import sys
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,13 +96,9 @@ def _by_evidence(captures: list[Path], prototype: Any, mask: Path, prior: Path |
     for file in captures:
         with progress_bar(f"register: {file.name}") as progress:
             registered = register(import_capture(file, as_filed, mask), prior, progress=progress)
-        std = {name: value if isfinite(value) else None for name, value in registered.std.items()}
-        place = {**registered.placement.described(), "dispersion": registered.dispersion, "std": std}
-        reports.append({"capture": str(file), "converged": registered.converged, **place})
-        lines.append(f"{file}: {registered}")
-        if None not in std.values():
-            exact = "  ± {down:.3f} and {right:.3f} px, {rotation:.4f}°, {scale:.5f} of scale"
-            lines.append(exact.format(**std))
+        reports.append({"capture": str(file), **registered.described()})
+        place, *exact = registered.lines()
+        lines += [f"{file}: {place}", *exact]
     say(reports, as_json, *lines)
 
 
