@@ -135,6 +135,19 @@ def test_views_enlargements_and_errors_are_of_one_size_and_in_line(size, snapsho
     assert errors[0].norm.vmax == errors[1].norm.vmax
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_the_error_that_is_predicted_stands_beside_the_actual_one_on_its_scale(known):
+    truth = np.random.default_rng(0).random((3, 3, 24, 40))
+    estimates, spread = {"a": 0.9 * truth, "b": 0.5 * truth}, {"b": np.full(truth.shape, 0.25)}
+    rows = np.reshape(
+        light_field_figure(estimates, truth if known else None, deviations=spread).axes, (2 + known, 3 + known)
+    )
+    np.testing.assert_allclose(rows[-1, -1].images[0].get_array(), 0.25)
+    assert not rows[-2, -1].images
+    if known:
+        assert rows[-1, -1].images[0].norm.vmax == rows[-1, 2].images[0].norm.vmax
+
+
 def test_the_slices_of_the_enlarged_part_are_those_of_its_marked_row_and_column():
     field = dot_field(size=(60, 90), place=(20, 50), disparity=2)
     axis = light_field_figure({"a": field}).axes[1]

@@ -91,6 +91,23 @@ def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
     assert len(curves(figure)) == 2 * 3
 
 
+@pytest.mark.parametrize("known", [True, False])
+def test_the_predicted_error_of_a_depth_stands_below_the_actual_one(known):
+    cube, depth = scene()
+    spread, truth = np.full(depth.shape, 0.1), (cube, depth) if known else None
+    spread[0, 0] = np.inf
+    figure = depths.depth_figure(
+        "map", (cube, depth + 0.2), np.ones(depth.shape), WAVELENGTHS, (0.5, 2.0), truth, deviation=spread
+    )
+    drawn = {axis.get_title(): axis.images[0] for axis in figure.axes if "error" in axis.get_title()}
+    assert len(drawn) == 1 + known
+    for image in drawn.values():
+        assert image.norm.vmax == pytest.approx(0.2 if known else 0.1)
+    predicted = np.ma.filled(drawn["predicted error of the depth (1 σ)"].get_array(), np.nan)
+    assert np.isnan(predicted[0, 0])
+    np.testing.assert_allclose(predicted[1:], 0.1)
+
+
 def test_what_codes_tell_about_depth_leaves_out_a_plane_as_its_own_rival():
     distances = np.array([[0, 3, 5, 9], [3, 0, 2, 5], [5, 2, 0, 4], [9, 5, 4, 0]], dtype=float)
     part = {"fisher": [1.0, 2.0, 3.0, 4.0], "kullback_leibler": distances.tolist()}

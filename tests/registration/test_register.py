@@ -1,6 +1,8 @@
 """Masks that lie elsewhere are found from the snapshot alone, by evidence that is held against dense matrices."""
 
+import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.registration import MaskPlacement, NotRegistered, dispersion, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
-from tmca.registration.search import LAST, Climbed, climb, judged, search
+from tmca.registration.search import _ELSEWHERE, LAST, Climbed, climb, judged, search
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
 PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
@@ -224,6 +226,39 @@ def test_a_place_at_its_limit_is_none():
     evidence, blocks = TwoMaxima(), [(0, at) for at in range(36)]
     assert judged(evidence, evidence.right, blocks).converged
     assert not judged(evidence, np.where(np.arange(8) == 3, 2.0, evidence.right), blocks).converged
+
+
+class Elsewhere(TwoMaxima):
+    """Evidence of which every block has more at another place elsewhere than where the search ended."""
+
+    def each(self, vector, blocks, noise=0.0):
+        at = [np.allclose(vector[:2] - self.right[:2], away) for away in _ELSEWHERE]
+        return np.array([2.0 * at[number % len(at)] if any(at) else 1.0 for number in range(len(blocks))])
+
+
+def test_a_place_is_held_against_the_best_one_elsewhere_of_every_block():
+    assert not judged(Elsewhere(), Elsewhere.right, [(0, at) for at in range(36)]).converged
+
+
+def test_noise_in_a_small_frame_is_no_mask():
+    shown = tmca.SpectralCamera(4, (32, 56), slots=1, shutter="open", sensor=SENSOR, seed=3)
+    noise = torch.rand(1, *shown.snapshot_shape, generator=torch.Generator().manual_seed(12))
+    with pytest.warns(NotRegistered, match="no place of the mask stands out"):
+        assert not register(tmca.Snapshot(noise, shown), PRIOR).converged
+
+
+def test_how_sure_a_place_is_comes_in_words_and_numbers():
+    _, snapshot = elsewhere(camera(**DISPERSED), MOVED)
+    found = register(snapshot, PRIOR)
+    found = replace(found, std=found.std | {"dispersion": 0.00123})
+    place, exact = found.lines()
+    assert place == str(found)
+    assert f"{found.std['right']:.3f} px" in exact
+    assert exact.endswith("0.00123 of dispersion")
+    unsure = replace(found, std=dict.fromkeys(found.std, math.nan))
+    assert unsure.lines()[1] == "  ± not known: the evidence has no maximum there"
+    assert unsure.described()["std"] == dict.fromkeys(found.std)
+    assert json.loads(json.dumps(found.described()))["light"] == pytest.approx(found.placement.light)
 
 
 def test_a_light_fields_mask_is_found():
