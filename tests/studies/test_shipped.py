@@ -75,6 +75,10 @@ def same(one, other):
     return all(torch.equal(value, other["network"][name]) for name, value in one["network"].items())
 
 
+def test_all_weights_together_are_small_enough_for_the_package():
+    assert sum(file.stat().st_size for file in train.FOLDER.glob("*.safetensors")) <= 12e6
+
+
 def test_cubes_are_kept_to_16_bits(tmp_path):
     given = [torch.rand(31, 6, 8) for _ in range(2)]
     given[0][0, 0, :2] = torch.tensor([0.0, 1.0])

@@ -1,0 +1,106 @@
+"""What priors lose on scenes that they have not learned from: ``python -m studies.transfer DATA``.
+
+Priors of three scenes and of sixteen decode snapshots of five others (`cave_test`), and once more after each of these
+was learned, too. The difference is the transfer gap: what knowing the very scene would gain. Written: ``transfer.json``
+and the page ``transfer.md``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from statistics import mean
+from typing import Any
+
+import torch
+
+import tmca
+from studies.bench import middle_of, select_bands
+from studies.grid import repository_commit
+from studies.tables import Column, table, write_results
+from tmca.data import read_split
+from tmca.metrics import psnr
+from tmca.priors import learn_prior
+
+BANDS, FRAME = 12, (128, 160)
+CAMERA: dict[str, Any] = {"slots": 8, "shutter": "random", "sensor": tmca.Sensor(read_noise=0.01), "seed": 1}
+THREE = ("chart_and_stuffed_toy", "feathers", "paints")
+DECODERS = {"lmmse": "gaussian", "mixture": "mixture"}
+"""Names, and the kinds of their priors."""
+COLUMNS = [
+    Column("decoder"),
+    Column("scenes", "scenes learned from"),
+    Column("left_out", "scene left out, dB", ".2f"),
+    Column("known", "learned, too, dB", ".2f"),
+    Column("gap", "gap, dB", ".2f"),
+]
+HEAD = """# What priors lose on new scenes
+
+A prior knows the scenes that it learned from better than others. How much better is the *transfer gap*: the PSNR of a
+scene when the prior learned it, too, less the PSNR when it did not. A prior for all scenes has none.
+
+Made by `python -m studies.transfer DATA` at commit `{commit}`. Spectral camera of {bands} bands, K = 8 random codes,
+σ = 0.01, the middle {rows}×{columns} pixels of the five scenes of `cave_test`. The three scenes are those that
+earlier tables learned from ({three}); the sixteen are all of `cave_train`.
+
+"""
+
+
+def cube(file: Path) -> Any:
+    scene: Any = tmca.read(file)
+    return select_bands(scene, BANDS)
+
+
+def measured(data: Path) -> Iterator[dict[str, Any]]:
+    """Rows of all decoders and numbers of scenes, scene by scene."""
+    train, test = (read_split(data / "splits" / f"cave_{name}.txt") for name in ("train", "test"))
+    known = {file.stem: cube(file) for file in map(Path, train)}
+    for decoder, kind in DECODERS.items():
+        for names in (THREE, tuple(known)):
+            scenes = [known[name] for name in names]
+            camera = tmca.SpectralCamera(scenes[0]["wavelength"].values.tolist(), FRAME, **CAMERA)
+            without = learn_prior(scenes, camera, kind)
+            for file in map(Path, test):
+                new = cube(file)
+                priors = {"left_out": without, "known": learn_prior([*scenes, new], camera, kind)}
+                truth = middle_of(new, FRAME, str(file))
+                snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
+                row = {name: decibels(snapshot, decoder, prior, truth) for name, prior in priors.items()}
+                gap = row["known"] - row["left_out"]
+                yield {"decoder": decoder, "scenes": len(names), "scene": file.stem, **row, "gap": gap}
+
+
+def decibels(snapshot: tmca.Snapshot[Any], decoder: str, prior: Any, truth: Any) -> float:
+    """PSNR of an estimate."""
+    estimate = tmca.reconstruct(snapshot, decoder, prior=prior).values.clamp(0, 1)
+    return float(psnr(estimate, torch.from_numpy(truth.values.copy())[None]))
+
+
+def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Means over the scenes."""
+    groups = dict.fromkeys((row["decoder"], row["scenes"]) for row in rows)
+    some = [[row for row in rows if (row["decoder"], row["scenes"]) == group] for group in groups]
+    means = [{name: mean(row[name] for row in one) for name in ("left_out", "known", "gap")} for one in some]
+    return [{**one[0], **values} for one, values in zip(some, means, strict=True)]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--out", type=Path, default=Path("docs/results/transfer.json"))
+    how = parser.parse_args()
+    torch.set_num_threads(1)
+    rows = list[dict[str, Any]]()
+    for row in measured(how.data):
+        rows.append(row)
+        print(row, flush=True)
+    text = HEAD.format(commit=repository_commit(), bands=BANDS, rows=FRAME[0], columns=FRAME[1], three=", ".join(THREE))
+    text += table(pooled(rows), COLUMNS) + "\n## Scene by scene\n\n"
+    write_results(
+        {"rows": rows}, text + table(rows, [COLUMNS[0], COLUMNS[1], Column("scene"), *COLUMNS[2:]]), how.out, True
+    )
+
+
+if __name__ == "__main__":
+    main()
