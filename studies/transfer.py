@@ -26,10 +26,7 @@ from tmca.priors import learn_prior
 BANDS, FRAME = 12, (128, 160)
 CAMERA: dict[str, Any] = {"slots": 8, "shutter": "random", "sensor": tmca.Sensor(read_noise=0.01), "seed": 1}
 THREE = ("chart_and_stuffed_toy", "feathers", "paints")
-DECODERS = {"lmmse": "gaussian", "mixture": "mixture"}
-"""Names, and the kinds of their priors."""
 COLUMNS = [
-    Column("decoder"),
     Column("scenes", "scenes learned from"),
     Column("left_out", "scene left out, dB", ".2f"),
     Column("known", "learned, too, dB", ".2f"),
@@ -41,7 +38,7 @@ A prior knows the scenes that it learned from better than others. How much bette
 scene when the prior learned it, too, less the PSNR when it did not. A prior for all scenes has none.
 
 Made by `python -m studies.transfer DATA` at commit `{commit}`. Spectral camera of {bands} bands, K = 8 random codes,
-σ = 0.01, the middle {rows}×{columns} pixels of the five scenes of `cave_test`. The three scenes are those that
+σ = 0.01, decoded by the patch LMMSE under one Gaussian; the middle {rows}×{columns} pixels of the five scenes of `cave_test`. The three scenes are those that
 earlier tables learned from ({three}); the sixteen are all of `cave_train`.
 
 """
@@ -53,34 +50,31 @@ def cube(file: Path) -> Any:
 
 
 def measured(data: Path) -> Iterator[dict[str, Any]]:
-    """Rows of all decoders and numbers of scenes, scene by scene."""
+    """Rows of both numbers of scenes, scene by scene."""
     train, test = (read_split(data / "splits" / f"cave_{name}.txt") for name in ("train", "test"))
     known = {file.stem: cube(file) for file in map(Path, train)}
-    for decoder, kind in DECODERS.items():
-        for names in (THREE, tuple(known)):
-            scenes = [known[name] for name in names]
-            camera = tmca.SpectralCamera(scenes[0]["wavelength"].values.tolist(), FRAME, **CAMERA)
-            without = learn_prior(scenes, camera, kind)
-            for file in map(Path, test):
-                new = cube(file)
-                priors = {"left_out": without, "known": learn_prior([*scenes, new], camera, kind)}
-                truth = middle_of(new, FRAME, str(file))
-                snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
-                row = {name: decibels(snapshot, decoder, prior, truth) for name, prior in priors.items()}
-                gap = row["known"] - row["left_out"]
-                yield {"decoder": decoder, "scenes": len(names), "scene": file.stem, **row, "gap": gap}
+    for names in (THREE, tuple(known)):
+        scenes = [known[name] for name in names]
+        camera = tmca.SpectralCamera(scenes[0]["wavelength"].values.tolist(), FRAME, **CAMERA)
+        without = learn_prior(scenes, camera)
+        for file in map(Path, test):
+            new = cube(file)
+            priors = {"left_out": without, "known": learn_prior([*scenes, new], camera)}
+            truth = middle_of(new, FRAME, str(file))
+            snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
+            row = {name: decibels(snapshot, prior, truth) for name, prior in priors.items()}
+            yield {"scenes": len(names), "scene": file.stem, **row, "gap": row["known"] - row["left_out"]}
 
 
-def decibels(snapshot: tmca.Snapshot[Any], decoder: str, prior: Any, truth: Any) -> float:
-    """PSNR of an estimate."""
-    estimate = tmca.reconstruct(snapshot, decoder, prior=prior).values.clamp(0, 1)
+def decibels(snapshot: tmca.Snapshot[Any], prior: Any, truth: Any) -> float:
+    """PSNR of the LMMSE."""
+    estimate = tmca.reconstruct(snapshot, "lmmse", prior=prior).values.clamp(0, 1)
     return float(psnr(estimate, torch.from_numpy(truth.values.copy())[None]))
 
 
 def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Means over the scenes."""
-    groups = dict.fromkeys((row["decoder"], row["scenes"]) for row in rows)
-    some = [[row for row in rows if (row["decoder"], row["scenes"]) == group] for group in groups]
+    some = [[row for row in rows if row["scenes"] == count] for count in dict.fromkeys(row["scenes"] for row in rows)]
     means = [{name: mean(row[name] for row in one) for name in ("left_out", "known", "gap")} for one in some]
     return [{**one[0], **values} for one, values in zip(some, means, strict=True)]
 
@@ -97,9 +91,7 @@ def main() -> None:
         print(row, flush=True)
     text = HEAD.format(commit=repository_commit(), bands=BANDS, rows=FRAME[0], columns=FRAME[1], three=", ".join(THREE))
     text += table(pooled(rows), COLUMNS) + "\n## Scene by scene\n\n"
-    write_results(
-        {"rows": rows}, text + table(rows, [COLUMNS[0], COLUMNS[1], Column("scene"), *COLUMNS[2:]]), how.out, True
-    )
+    write_results({"rows": rows}, text + table(rows, [COLUMNS[0], Column("scene"), *COLUMNS[1:]]), how.out, True)
 
 
 if __name__ == "__main__":
