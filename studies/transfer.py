@@ -38,8 +38,8 @@ A prior knows the scenes that it learned from better than others. How much bette
 scene when the prior learned it, too, less the PSNR when it did not. A prior for all scenes has none.
 
 Made by `python -m studies.transfer DATA` at commit `{commit}`. Spectral camera of {bands} bands, K = 8 random codes,
-σ = 0.01, decoded by the patch LMMSE under one Gaussian; the middle {rows}×{columns} pixels of the five scenes of `cave_test`. The three scenes are those that
-earlier tables learned from ({three}); the sixteen are all of `cave_train`.
+σ = 0.01, decoded by the patch LMMSE under one Gaussian; the middle {rows}×{columns} pixels of the five scenes of
+`cave_test`. The three scenes are those that earlier tables learned from ({three}); the sixteen are all of `cave_train`.
 
 """
 
