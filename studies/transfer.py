@@ -1,8 +1,7 @@
 """What priors lose on scenes that they have not learned from: ``python -m studies.transfer DATA``.
 
-Priors of three scenes and of sixteen decode snapshots of five others (`cave_test`), and once more after each of these
-was learned, too. The difference is the transfer gap: what knowing the very scene would gain. Written: ``transfer.json``
-and the page ``transfer.md``.
+Priors of three scenes and of sixteen decode snapshots of five others (`cave_test`), once more after each of these was
+learned, too, and after it alone was learned. Written: ``transfer.json`` and the page ``transfer.md``.
 """
 
 from __future__ import annotations
@@ -30,12 +29,14 @@ COLUMNS = [
     Column("scenes", "scenes learned from"),
     Column("left_out", "scene left out, dB", ".2f"),
     Column("known", "learned, too, dB", ".2f"),
+    Column("alone", "it alone learned, dB", ".2f"),
     Column("gap", "gap, dB", ".2f"),
 ]
 HEAD = """# What priors lose on new scenes
 
 A prior knows the scenes that it learned from better than others. How much better is the *transfer gap*: the PSNR of a
-scene when the prior learned it, too, less the PSNR when it did not. A prior for all scenes has none.
+scene when the prior learned it, too, less the PSNR when it did not. Among more scenes each one weighs less, so that the
+gap gets smaller for two reasons. A prior that learned nothing but the scene itself shows what is left to gain.
 
 Made by `python -m studies.transfer DATA` at commit `{commit}`. Spectral camera of {bands} bands, K = 8 random codes,
 σ = 0.01, decoded by the patch LMMSE under one Gaussian; the middle {rows}×{columns} pixels of the five scenes of
@@ -59,7 +60,11 @@ def measured(data: Path) -> Iterator[dict[str, Any]]:
         without = learn_prior(scenes, camera)
         for file in map(Path, test):
             new = cube(file)
-            priors = {"left_out": without, "known": learn_prior([*scenes, new], camera)}
+            priors = {
+                "left_out": without,
+                "known": learn_prior([*scenes, new], camera),
+                "alone": learn_prior([new], camera),
+            }
             truth = middle_of(new, FRAME, str(file))
             snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
             row = {name: decibels(snapshot, prior, truth) for name, prior in priors.items()}
@@ -75,7 +80,7 @@ def decibels(snapshot: tmca.Snapshot[Any], prior: Any, truth: Any) -> float:
 def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Means over the scenes."""
     some = [[row for row in rows if row["scenes"] == count] for count in dict.fromkeys(row["scenes"] for row in rows)]
-    means = [{name: mean(row[name] for row in one) for name in ("left_out", "known", "gap")} for one in some]
+    means = [{name: mean(row[name] for row in one) for name in ("left_out", "known", "alone", "gap")} for one in some]
     return [{**one[0], **values} for one, values in zip(some, means, strict=True)]
 
 

@@ -52,7 +52,7 @@ def test_the_mask_is_found_and_the_scene_is_better(displaced, capsys):
     assert found["registered"]["shift"][0] == pytest.approx(0.8, abs=0.1)
     shown = run(capsys, *how, "--register", "auto", "--out", "again.nc").out
     assert "mask +0.8" in shown
-    assert "light × " in shown
+    assert "times as bright as the prior" in shown
     assert f"± {found['registered']['std']['down']:.3f} and" in shown
 
 

@@ -187,3 +187,29 @@ def test_an_exported_program_is_a_decoder(here, capsys):
         assert reconstruct("static_snapshot.nc", path).values[0, 2].numpy() == pytest.approx(wanted, abs=1e-6)
     with pytest.raises(SettingError, match=r"none\.pt2, which is no file"):
         reconstruct("static_snapshot.nc", "none.pt2")
+
+
+@pytest.fixture
+def infrared(here):
+    """A snapshot at bands that the rendered scenes do not have."""
+    camera = SpectralCamera([750e-9, 820e-9, 900e-9], (20, 24), slots=2)
+    Snapshot(camera(torch.rand(1, *camera.scene_shape), generator=0), camera).save("nir.nc")
+    return "nir.nc"
+
+
+@pytest.mark.filterwarnings("always::tmca.decoders.NoRenderedPrior")
+@pytest.mark.parametrize("decoders", [None, "admm-tv", "dagger,admm-tv"])
+def test_bands_without_a_prior_have_admm_tv_and_that_is_said_only_where_no_decoder_is_named(infrared, capsys, decoders):
+    named = [] if decoders is None else ["-d", decoders]
+    main(["reconstruct", infrared, *named, "--no-figures", "--json"])
+    shown = capsys.readouterr()
+    made = json.loads(shown.out)
+    assert [one["decoder"] for one in (made if isinstance(made, list) else [made])] == (decoders or "admm-tv").split(
+        ","
+    )
+    assert ("admm-tv instead of lmmse" in shown.err) == (decoders is None)
+
+
+@pytest.mark.parametrize("option", [["--register", "auto"], ["--bank", "bank.nc"]])
+def test_what_needs_a_prior_does_not_fall_back(infrared, capsys, option):
+    assert "expected 400 to 700 nm" in refused(capsys, "reconstruct", infrared, *option)

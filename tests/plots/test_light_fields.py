@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+import tmca
+from tmca.applications.light_field import LightFieldApplication
 from tmca.data import label_light_field
 from tmca.data.light_field_scenes import load_light_field, true_disparity
 from tmca.errors import OutputError, ShapeError
 from tmca.metrics.refocusing import colour_views, refocus
 from tmca.plots.codes import sub_images_figure
+from tmca.plots.estimates import estimate_figure
 from tmca.plots.light_field import disparity_figure, light_field_figure, view_psnr_figure
 from tmca.plots.views import (
     border_walk,
@@ -146,6 +150,19 @@ def test_the_error_that_is_predicted_stands_beside_the_actual_one_on_its_scale(k
     assert not rows[-2, -1].images
     if known:
         assert rows[-1, -1].images[0].norm.vmax == rows[-1, 2].images[0].norm.vmax
+    unsure = np.full(truth.shape, np.inf)
+    other = light_field_figure({"a": truth}, truth, deviations={"a": unsure, "none": unsure})
+    assert np.isfinite(other.axes[-1].images[0].norm.vmax)
+
+
+@pytest.mark.parametrize("drawn", [True, False])
+def test_an_estimate_is_drawn_with_the_error_that_it_predicts(drawn):
+    camera = tmca.LightFieldCamera(3, (24, 30), slots=2)
+    values, axes = np.random.default_rng(0).random((3, 3, 24, 30)), ("view_v", "view_u", "y", "x")
+    estimate = xr.Dataset({"estimate": (axes, values)}, attrs={"decoder": "lmmse"})
+    estimate = estimate.assign(deviation=(axes, 0.1 * values)) if drawn else estimate
+    for figure in (estimate_figure(estimate), LightFieldApplication().figure(estimate, camera)):
+        assert any("predicted error" in axis.get_title() for axis in figure.axes) == drawn
 
 
 def test_the_slices_of_the_enlarged_part_are_those_of_its_marked_row_and_column():

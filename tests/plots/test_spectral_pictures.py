@@ -95,7 +95,7 @@ def test_an_estimate_of_depth_shows_colours_depth_confidence_and_spectra():
 def test_the_predicted_error_of_a_depth_stands_below_the_actual_one(known):
     cube, depth = scene()
     spread, truth = np.full(depth.shape, 0.1), (cube, depth) if known else None
-    spread[0, 0] = np.inf
+    spread[0, 0] = depth[0, 0] = np.inf
     figure = depths.depth_figure(
         "map", (cube, depth + 0.2), np.ones(depth.shape), WAVELENGTHS, (0.5, 2.0), truth, deviation=spread
     )

@@ -97,7 +97,7 @@ class SpectralDepthDemo(Demo):
         )
 
     def figures(self, name: str, scene: xr.Dataset, taken: Mapping[str, Taken]) -> dict[str, tuple[str, Any]]:
-        about = "Colours, depth in metres, probability within a bin, and spectra: {}; the truth above."
+        about = "Colours, depth in metres, probability within a bin, spectra, error of the depth: {}; the truth above."
         drawn = {f"{one.trial.stem}.png": (about.format(code), one.figure(scene)) for code, one in taken.items()}
         psf = "Point spread functions of the four slots over depth, and what points leave behind the shutter."
         last = [*taken.values()][-1]
@@ -211,7 +211,7 @@ class SpectralDepthApplication(Application):
     def figure(
         self, estimate: xr.Dataset, camera: Any, truth: Any = None, snapshot: Snapshot[Any] | None = None
     ) -> Figure:
-        """See ``Application``: colours, depth with confidence or error, and spectra; the truth in a row of its own."""
+        """See ``Application``: colours, depth with confidence and errors, spectra; the truth in a row of its own."""
         return estimate_figure(estimate, truth, (camera.planes.near, camera.planes.far))
 
 

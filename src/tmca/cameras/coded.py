@@ -171,7 +171,7 @@ class CodedCamera(Camera):
         operator = self.operator()
         if not isinstance(operator, TapOperator):
             wanted = "none where one code stands for all slots"
-            raise SettingError("relay_blur", "some", wanted, "use admm-tv, which takes the slots one by one")
+            raise SettingError("relay_blur", "some", wanted, "admm-tv and pnp-subspace decode it")
         return operator.taps
 
     def window(self, top: int, left: int, height: int, width: int) -> LinearOperator:

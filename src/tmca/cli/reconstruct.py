@@ -73,7 +73,7 @@ def reconstruct(
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is
             none, read by the next command.
         register: auto finds where the mask lies from the snapshot alone (shift up to 2.4 pixels, rotation, scale,
-            shear, dispersion), and decodes by the camera so placed.
+            stretch, shear, blur, dispersion), prints the place with its standard deviation, and decodes by it.
     """
     from tmca.lab.decoder_files import decoders_named
 

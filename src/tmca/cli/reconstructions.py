@@ -90,8 +90,8 @@ class Reconstruction:
         from tmca.lab.calibration.apply import load_snapshot
 
         taken = load_snapshot(file, request.calibration)
-        kind, (usual, made) = taken.camera.kind, _usual(taken.camera, request)
-        decoder, made = (name, {}) if name else (usual, made)
+        kind = taken.camera.kind
+        decoder, made = (name, dict[str, Any]()) if name else _usual(taken.camera, request)
         available = decoders_for(kind, moving=None)
         chosen = available.get(decoder)
         if request.dictionary is not None:
@@ -241,4 +241,4 @@ def _usual(camera: Any, request: Request) -> tuple[str, dict[str, Any]]:
     if settings:
         return name, settings
     default = application_of(camera.kind).default_decoder
-    return default if request.prior else possible_decoder(default, camera), {}
+    return possible_decoder(default, camera) if alone else default, {}

@@ -108,11 +108,17 @@ def depth_figure(
         depth_map(row[1], depth, title=f"depth, {title}", limits=limits, called=label)
     image(axes[-1, 2], confidence, "confidence", top=1.0, bar="probability within a bin, as a share")
     if deviation is not None:
-        _depth_errors(axes[:, 3], deviation, None if truth is None else np.abs(estimate[1] - truth[1]))
+        _depth_errors(axes[:, 3], deviation, None if truth is None else _apart(estimate[1], truth[1]))
     if truth is not None:
         spectra(axes[0, 2], {"truth": truth[0], name: estimate[0]}, wavelengths, points)
         legend_below(figure, axes[0, 2])
     return note_false_colour(figure, wavelengths)
+
+
+def _apart(depth: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Absolute errors, NaN between infinite depths."""
+    with np.errstate(invalid="ignore"):
+        return np.abs(depth - truth)
 
 
 def _depth_errors(axes: np.ndarray, predicted: np.ndarray, actual: np.ndarray | None) -> None:

@@ -56,12 +56,15 @@ def light_field_figure(
     reference = np.asarray(next(iter(panels.values())))
     white, window = brightest(reference), zoom_window(reference)
     height, width = reference.shape[-2:]
-    columns = 2 + (truth is not None or snapshot is not None) + bool(deviations)
+    known = {name: rms(np.asarray(spread)) for name, spread in (deviations or {}).items() if name in estimates}
+    columns = 2 + (truth is not None or snapshot is not None) + bool(known)
     figure, axes = grid(len(panels), columns, width=_WIDTH, aspect=min(height / width, 2.5))
     if snapshot is not None:
         draw_snapshot(axes[0, 2], snapshot, buckets)
-    top = _errors(axes[:, 2], estimates, np.asarray(truth), flat=snapshot is None) if truth is not None else None
-    _predicted(axes[-len(estimates) :, -1], estimates, deviations or {}, top)
+    top = max((_highest(values) for values in known.values()), default=0.0)
+    if truth is not None:
+        top = _errors(axes[:, 2], estimates, np.asarray(truth), snapshot is None, top)
+    _predicted(dict(zip(estimates, axes[-len(estimates) :, -1], strict=True)), known, top)
     for row, (name, field) in zip(axes, panels.items(), strict=True):
         _draw_view(row[0], field, white, f"{name}: centre view" if name == "truth" else name, window)
         _draw_zoom(row[1], field, white, window, _cross(reference, window))
@@ -125,11 +128,13 @@ def _strip(start: float, stop: float) -> tuple[float, float]:
     return stop + _GAP * length, stop + (_GAP + _SLICE) * length
 
 
-def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool) -> float:
-    """Error maps on one scale, whose top is returned; first, if ``flat``, that of the true centre view in place of
-    all."""
+def _errors(
+    axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool, least: float
+) -> float:
+    """Error maps on one scale, at least so high, whose top is returned; first, if ``flat``, that of the true centre
+    view in place of all."""
     maps = [(_quality(field, truth), rms(np.asarray(field) - truth)) for field in estimates.values()]
-    top = float(np.quantile([values for _, values in maps], 0.99)) or 1.0
+    top = max(float(np.quantile([values for _, values in maps], 0.99)), least) or 1.0
     if flat:
         v, u = (n // 2 for n in truth.shape[-4:-2])
         still = np.broadcast_to(truth[..., v : v + 1, u : u + 1, :, :], truth.shape)
@@ -140,16 +145,17 @@ def _errors(axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.nda
     return top
 
 
-def _predicted(
-    axes: np.ndarray, estimates: Mapping[str, np.ndarray], deviations: Mapping[str, np.ndarray], top: float | None
-) -> None:
-    """Predicted standard deviations in the rows of their estimates, up to the top of the errors if these are known."""
-    for axis, name in zip(axes, estimates, strict=True):
-        if name in deviations:
-            values = rms(np.asarray(deviations[name]))
-            high = top or float(np.quantile(values, 0.99)) or 1.0
-            _picture(axis, values, "predicted error\n(1 σ, rms over views)", cmap="magma", vmin=0, vmax=high)
-            add_bar(axis, axis.images[0], _UNIT)
+def _predicted(axes: Mapping[str, Axes], maps: Mapping[str, np.ndarray], top: float) -> None:
+    """Predicted errors in the rows of their estimates."""
+    for name, values in maps.items():
+        _picture(axes[name], values, "predicted error\n(1 σ, rms over views)", cmap="magma", vmin=0, vmax=top)
+        add_bar(axes[name], axes[name].images[0], _UNIT)
+
+
+def _highest(values: np.ndarray) -> float:
+    """Where the colours of a map end; 1 where none of it is finite and above 0."""
+    finite = values[np.isfinite(values)]
+    return (float(np.quantile(finite, 0.99)) if finite.size else 0.0) or 1.0
 
 
 def _picture(axis: Axes, values: np.ndarray, title: str, **how: Any) -> None:

@@ -84,8 +84,8 @@ def find_prior(
         wanted = block or block_of(camera, prior.kind)
         if wanted[1] > prior.block[2]:
             text = f"the prior's blocks of {prior.block[2]} columns are narrow for a dispersion of so many columns"
-            text += f": {wanted[1]} are wanted, and the estimate may be many dB worse than that of admm-tv"
-            warn(f"{text}; use that, or learn a prior with a larger --spread", NarrowBlocks, stacklevel=2)
+            text += f": {wanted[1]} are wanted, and estimates may be worse than those of admm-tv"
+            warn(f"{text}; use admm-tv, or learn a prior with a larger --spread", NarrowBlocks, stacklevel=2)
         prior = prior.at(camera.wavelengths, wanted)
     check_kind(prior, kind)
     prior.check(camera)

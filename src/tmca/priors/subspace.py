@@ -142,12 +142,8 @@ def interpolation(wavelengths: Sequence[float], knots: Tensor) -> Tensor:
     if float(places.min()) < first - _NEAR or float(places.max()) > last + _NEAR:
         found = f"bands from {float(places.min()) * 1e9:.4g} to {float(places.max()) * 1e9:.4g} nm"
         wanted = f"{first * 1e9:.4g} to {last * 1e9:.4g} nm, where it was learned"
-        raise SettingError(
-            "wavelengths",
-            found,
-            wanted,
-            "leave these bands out, as nobody knows how far off they would be, learn at them, or use admm-tv",
-        )
+        remedy = "leave these bands out, learn at them, or decode with admm-tv: the error beyond is not known"
+        raise SettingError("wavelengths", found, wanted, remedy)
     left = (torch.searchsorted(knots, places, right=True) - 1).clamp(0, len(knots) - 2)
     share = ((places - knots[left]) / (knots[left + 1] - knots[left])).clamp(0, 1)
     weights = places.new_zeros(len(places), len(knots))

@@ -58,17 +58,19 @@ class Registered:
         return f"mask {self.placement}{more} ({self.seconds:.0f} s)"
 
     def lines(self) -> list[str]:
-        """The same, and below it the standard deviations."""
+        """The sentence of ``str``, and below it the standard deviations."""
         if not self.converged:
             return [str(self)]
         if math.isnan(self.std["down"]):
             return [str(self), "  ± not known: the evidence has no maximum there"]
         exact = "  ± {down:.3f} and {right:.3f} px, {rotation:.4f}°, {scale:.5f} of scale".format(**self.std)
-        dispersion = self.std.get("dispersion", math.nan)
-        return [str(self), exact + ("" if math.isnan(dispersion) else f", {dispersion:.5f} of dispersion")]
+        dispersion = self.std.get("dispersion")
+        if dispersion is not None:
+            exact += ", dispersion not known" if math.isnan(dispersion) else f", {dispersion:.5f} of dispersion"
+        return [str(self), exact]
 
     def described(self) -> dict[str, Any]:
-        """The same as plain numbers, None where a standard deviation is not known."""
+        """Place, dispersion and standard deviations as plain numbers, None where one is not known."""
         std = {name: value if math.isfinite(value) else None for name, value in self.std.items()}
         place = {**self.placement.described(), "dispersion": self.dispersion, "std": std}
         return {"converged": self.converged, **place, "evidence_gain": self.evidence_gain}

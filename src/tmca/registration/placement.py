@@ -24,7 +24,8 @@ class MaskPlacement:
     Args:
         shift: (down, right), pixels.
         matrix: (2, 2), rows and columns of the frame by those of the mask.
-        light: of the mask's open pixels times the brightness of the scene, 1 as camera and prior expect.
+        light: of the mask's open pixels times the brightness of the scene, 1 as camera and prior expect. A bright scene
+            cannot be told from much light: estimates are not scaled by it.
         blur: variance along each axis of what blurs the mask, pixels².
     """
 
@@ -68,7 +69,7 @@ class MaskPlacement:
         return (
             f"{down:+.3f} px down, {right:+.3f} px right, turned by {self.rotation:+.4f}°, "
             f"{strain[0, 0]:.5f} × {strain[1, 1]:.5f} as large, shear {strain[0, 1]:+.5f}, "
-            f"blurred by {math.sqrt(self.blur):.2f} px, light × {self.light:.3f}"
+            f"blurred by {math.sqrt(self.blur):.2f} px, {self.light:.3f} times as bright as the prior"
         )
 
 
