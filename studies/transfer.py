@@ -40,7 +40,8 @@ gap gets smaller for two reasons. A prior that learned nothing but the scene its
 
 Made by `python -m studies.transfer DATA` at commit `{commit}`. Spectral camera of {bands} bands, K = 8 random codes,
 σ = 0.01, decoded by the patch LMMSE under one Gaussian; the middle {rows}×{columns} pixels of the five scenes of
-`cave_test`. The three scenes are those that earlier tables learned from ({three}); the sixteen are all of `cave_train`.
+`cave_test`. The three scenes are those that earlier tables learned from ({three}); the sixteen
+are all of `cave_train`.
 
 """
 

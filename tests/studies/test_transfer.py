@@ -20,7 +20,9 @@ def test_rows_are_pooled_by_the_number_of_scenes():
 def test_a_prior_of_the_very_scene_is_better_than_one_of_another():
     waves = np.linspace(400e-9, 700e-9, BANDS)
     cubes = [smooth_scene(40, 48, BANDS, seed=seed) for seed in (1, 2)]
-    new, old = (xr.DataArray(np.asarray(one).clip(0), {"wavelength": waves}, ("wavelength", "y", "x")) for one in cubes)
+    new, old = (
+        xr.DataArray(np.asarray(one).clip(0, 1), {"wavelength": waves}, ("wavelength", "y", "x")) for one in cubes
+    )
     camera = tmca.SpectralCamera(waves.tolist(), (40, 48), **CAMERA)
     snapshot = tmca.simulate(new, camera, progress=False)
     known, left_out = (decibels(snapshot, learn_prior([one], camera), new) for one in (new, old * 0.3))
