@@ -32,6 +32,7 @@ COLUMNS = [
     Column("alone", "it alone learned, dB", ".2f"),
     Column("gap", "gap, dB", ".2f"),
 ]
+_MEANS = [column.key for column in COLUMNS[1:]]
 HEAD = """# What priors lose on new scenes
 
 A prior knows the scenes that it learned from better than others. How much better is the *transfer gap*: the PSNR of a
@@ -55,21 +56,19 @@ def measured(data: Path) -> Iterator[dict[str, Any]]:
     """Rows of both numbers of scenes, scene by scene."""
     train, test = (read_split(data / "splits" / f"cave_{name}.txt") for name in ("train", "test"))
     known = {file.stem: cube(file) for file in map(Path, train)}
-    for names in (THREE, tuple(known)):
-        scenes = [known[name] for name in names]
-        camera = tmca.SpectralCamera(scenes[0]["wavelength"].values.tolist(), FRAME, **CAMERA)
-        without = learn_prior(scenes, camera)
-        for file in map(Path, test):
-            new = cube(file)
-            priors = {
-                "left_out": without,
-                "known": learn_prior([*scenes, new], camera),
-                "alone": learn_prior([new], camera),
-            }
-            truth = middle_of(new, FRAME, str(file))
-            snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
-            row = {name: decibels(snapshot, prior, truth) for name, prior in priors.items()}
-            yield {"scenes": len(names), "scene": file.stem, **row, "gap": row["known"] - row["left_out"]}
+    groups = [[known[name] for name in names] for names in (THREE, known)]
+    camera = tmca.SpectralCamera(groups[0][0]["wavelength"].values.tolist(), FRAME, **CAMERA)
+    priors = [learn_prior(scenes, camera) for scenes in groups]
+    for file in map(Path, test):
+        new = cube(file)
+        truth = middle_of(new, FRAME, str(file))
+        snapshot = tmca.simulate(truth, camera, seed=3, progress=False)
+        alone = decibels(snapshot, learn_prior([new], camera), truth)
+        for scenes, prior in zip(groups, priors, strict=True):
+            row = {"left_out": decibels(snapshot, prior, truth)}
+            row["known"] = decibels(snapshot, learn_prior([*scenes, new], camera), truth)
+            gap = row["known"] - row["left_out"]
+            yield {"scenes": len(scenes), "scene": file.stem, **row, "alone": alone, "gap": gap}
 
 
 def decibels(snapshot: tmca.Snapshot[Any], prior: Any, truth: Any) -> float:
@@ -81,7 +80,7 @@ def decibels(snapshot: tmca.Snapshot[Any], prior: Any, truth: Any) -> float:
 def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Means over the scenes."""
     some = [[row for row in rows if row["scenes"] == count] for count in dict.fromkeys(row["scenes"] for row in rows)]
-    means = [{name: mean(row[name] for row in one) for name in ("left_out", "known", "alone", "gap")} for one in some]
+    means = [{name: mean(row[name] for row in one) for name in _MEANS} for one in some]
     return [{**one[0], **values} for one, values in zip(some, means, strict=True)]
 
 
@@ -95,6 +94,7 @@ def main() -> None:
     for row in measured(how.data):
         rows.append(row)
         print(row, flush=True)
+    rows.sort(key=lambda row: row["scenes"])
     text = HEAD.format(commit=repository_commit(), bands=BANDS, rows=FRAME[0], columns=FRAME[1], three=", ".join(THREE))
     text += table(pooled(rows), COLUMNS) + "\n## Scene by scene\n\n"
     write_results({"rows": rows}, text + table(rows, [COLUMNS[0], Column("scene"), *COLUMNS[1:]]), how.out, True)

@@ -204,9 +204,8 @@ def test_bands_without_a_prior_have_admm_tv_and_that_is_said_only_where_no_decod
     main(["reconstruct", infrared, *named, "--no-figures", "--json"])
     shown = capsys.readouterr()
     made = json.loads(shown.out)
-    assert [one["decoder"] for one in (made if isinstance(made, list) else [made])] == (decoders or "admm-tv").split(
-        ","
-    )
+    used = [one["decoder"] for one in (made if isinstance(made, list) else [made])]
+    assert used == (decoders or "admm-tv").split(",")
     assert ("admm-tv instead of lmmse" in shown.err) == (decoders is None)
 
 

@@ -20,7 +20,7 @@ from tmca.priors import GaussianMixturePrior, GaussianPrior
 from tmca.registration import MaskPlacement, NotRegistered, dispersion, register
 from tmca.registration.evidence import MaskEvidence
 from tmca.registration.placement import SmoothPlanes, seen_from
-from tmca.registration.search import _ELSEWHERE, LAST, Climbed, climb, judged, search
+from tmca.registration.search import ELSEWHERE, LAST, Climbed, climb, judged, search
 
 SIZE, SENSOR = (72, 84), tmca.Sensor(read_noise=0.005)
 PRIOR = GaussianPrior.learn([smooth_scene(72, 96, 4, seed=s) for s in (1, 2)], (6, 20))
@@ -232,7 +232,7 @@ class Elsewhere(TwoMaxima):
     """Evidence of which every block has more at another place elsewhere than where the search ended."""
 
     def each(self, vector, blocks, noise=0.0):
-        at = [np.allclose(vector[:2] - self.right[:2], away) for away in _ELSEWHERE]
+        at = [np.allclose(vector[:2] - self.right[:2], away) for away in ELSEWHERE]
         return np.array([2.0 * at[number % len(at)] if any(at) else 1.0 for number in range(len(blocks))])
 
 

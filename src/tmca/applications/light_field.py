@@ -26,6 +26,7 @@ from tmca.data.scene_names import READING, compare_source
 from tmca.errors import DataError, SettingError, TmcaError
 from tmca.metrics import disparity_error, estimate_disparity, light_field_metrics
 from tmca.metrics.refocusing import has_parallax
+from tmca.plots.estimates import predicted_deviations
 from tmca.plots.light_field import geometry_figure, light_field_figure
 from tmca.plots.views import focus_steps, refocus_strip
 from tmca.sensor import Sensor
@@ -200,7 +201,7 @@ class LightFieldApplication(Application):
         frames = None if snapshot is None else torch.cat(snapshot.values.unbind(1), -1).numpy(force=True)
         shown = frames if frames is None or len(frames) > 1 else frames[0]
         name, real = str(estimate.attrs["decoder"]), None if truth is None else truth.values
-        spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+        spread = predicted_deviations(estimate)
         buckets = 1 if snapshot is None else snapshot.camera.buckets
         return light_field_figure({name: estimate["estimate"].values}, real, shown, buckets, spread)
 

@@ -19,7 +19,7 @@ from tmca.plots.cube import (
     spectra,
     white_level,
 )
-from tmca.plots.style import GREY, blank_figure, grid, image, panels, plain_axes
+from tmca.plots.style import GREY, blank_figure, grid, image, most_of, panels, plain_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -125,8 +125,7 @@ def _depth_errors(axes: np.ndarray, predicted: np.ndarray, actual: np.ndarray | 
     """The predicted error of a depth, and above it the actual one where it is known."""
     maps = [("predicted error of the depth (1 σ)", predicted)]
     maps += [("error of the depth", actual)] if actual is not None else []
-    known = [values[np.isfinite(values)] for _, values in maps]
-    top = max((float(np.quantile(values, 0.99)) for values in known if values.size), default=0.0) or 1.0
+    top = most_of([values for _, values in maps])
     for axis, (title, values) in zip(axes[::-1], maps, strict=True):
         image(axis, np.where(np.isfinite(values), values, np.nan), title, "magma", top, bar="m")
 

@@ -93,6 +93,11 @@ def estimate_thumbnail(estimate: xr.Dataset) -> Figure:
     return row_figure(panels)
 
 
+def predicted_deviations(estimate: xr.Dataset) -> dict[str, np.ndarray]:
+    """The deviation by the name of the decoder; nothing where none is predicted."""
+    return {str(estimate.attrs["decoder"]): estimate["deviation"].values} if "deviation" in estimate else {}
+
+
 def _colours(values: xr.DataArray) -> np.ndarray:
     """A picture of a cube, the view in the middle of a light field, or the mean of what else there is."""
     if "wavelength" in values.dims:
@@ -127,7 +132,7 @@ def _cube(estimate: xr.Dataset, truth: xr.DataArray | None, at: Points) -> Figur
     name, values = str(estimate.attrs["decoder"]), estimate["estimate"]
     waves = values["wavelength"].values.tolist()
     scene = None if truth is None else fit_cube(truth, waves, _size(values), "truth").values
-    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
+    spread = predicted_deviations(estimate)
     return note_false_colour(reconstruction_figure({name: values.values}, waves, scene, spread, at), waves)
 
 
@@ -136,8 +141,7 @@ def _views(estimate: xr.Dataset, truth: xr.DataArray | None) -> Figure:
     views = values.sizes["view_v"], values.sizes["view_u"]
     scene = None if truth is None else fit_views(truth, views, _size(values), "truth").values
     name = str(estimate.attrs["decoder"])
-    spread = {name: estimate["deviation"].values} if "deviation" in estimate else {}
-    return light_field_figure({name: values.values}, scene, deviations=spread)
+    return light_field_figure({name: values.values}, scene, deviations=predicted_deviations(estimate))
 
 
 def _with_depth(estimate: xr.Dataset, truth: Scene | None, limits: tuple[float, float], at: Points) -> Figure:

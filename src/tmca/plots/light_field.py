@@ -10,7 +10,7 @@ import numpy as np
 from tmca.metrics import disparity_error, light_field_metrics
 from tmca.metrics.disparity import BAD_PIXEL
 from tmca.metrics.refocusing import colour_views
-from tmca.plots.style import GREY, add_bar, bare, bright_level, grid, image, rms
+from tmca.plots.style import GREY, add_bar, bare, bright_level, grid, image, most_of, rms
 from tmca.plots.views import brightest, horizontal_slice, liveliest, shown, vertical_slice, zoom_window
 
 if TYPE_CHECKING:
@@ -56,15 +56,20 @@ def light_field_figure(
     reference = np.asarray(next(iter(panels.values())))
     white, window = brightest(reference), zoom_window(reference)
     height, width = reference.shape[-2:]
-    known = {name: rms(np.asarray(spread)) for name, spread in (deviations or {}).items() if name in estimates}
-    columns = 2 + (truth is not None or snapshot is not None) + bool(known)
+    predicted = {name: rms(np.asarray(spread)) for name, spread in (deviations or {}).items() if name in estimates}
+    maps = [] if truth is None else [(_quality(one, truth), rms(np.asarray(one) - truth)) for one in estimates.values()]
+    top = most_of([*(values for _, values in maps), *predicted.values()])
+    columns = 2 + (truth is not None or snapshot is not None) + bool(predicted)
     figure, axes = grid(len(panels), columns, width=_WIDTH, aspect=min(height / width, 2.5))
     if snapshot is not None:
         draw_snapshot(axes[0, 2], snapshot, buckets)
-    top = max((_highest(values) for values in known.values()), default=0.0)
-    if truth is not None:
-        top = _errors(axes[:, 2], estimates, np.asarray(truth), snapshot is None, top)
-    _predicted(dict(zip(estimates, axes[-len(estimates) :, -1], strict=True)), known, top)
+    if truth is not None and snapshot is None:
+        maps.insert(0, _still(np.asarray(truth)))
+    for axis, (quality, values) in zip(axes[len(axes) - len(maps) :, -1 - bool(predicted)], maps, strict=True):
+        _map(axis, values, f"{quality}\nerror (rms over views)", top)
+    for axis, name in zip(axes[-len(estimates) :, -1], estimates, strict=True):
+        if name in predicted:
+            _map(axis, predicted[name], "predicted error\n(1 σ, rms over views)", top)
     for row, (name, field) in zip(axes, panels.items(), strict=True):
         _draw_view(row[0], field, white, f"{name}: centre view" if name == "truth" else name, window)
         _draw_zoom(row[1], field, white, window, _cross(reference, window))
@@ -128,34 +133,17 @@ def _strip(start: float, stop: float) -> tuple[float, float]:
     return stop + _GAP * length, stop + (_GAP + _SLICE) * length
 
 
-def _errors(
-    axes: np.ndarray, estimates: Mapping[str, np.ndarray], truth: np.ndarray, flat: bool, least: float
-) -> float:
-    """Error maps on one scale, at least so high, whose top is returned; first, if ``flat``, that of the true centre
-    view in place of all."""
-    maps = [(_quality(field, truth), rms(np.asarray(field) - truth)) for field in estimates.values()]
-    top = max(float(np.quantile([values for _, values in maps], 0.99)), least) or 1.0
-    if flat:
-        v, u = (n // 2 for n in truth.shape[-4:-2])
-        still = np.broadcast_to(truth[..., v : v + 1, u : u + 1, :, :], truth.shape)
-        maps.insert(0, (f"the true centre view repeated: {_quality(still, truth)}", rms(still - truth)))
-    for axis, (quality, values) in zip(axes[len(axes) - len(maps) :], maps, strict=True):
-        _picture(axis, values, f"{quality}\nerror (rms over views)", cmap="magma", vmin=0, vmax=top)
-        add_bar(axis, axis.images[0], _UNIT)
-    return top
+def _still(truth: np.ndarray) -> tuple[str, np.ndarray]:
+    """Quality and errors of the true centre view in the place of all."""
+    v, u = (n // 2 for n in truth.shape[-4:-2])
+    still = np.broadcast_to(truth[..., v : v + 1, u : u + 1, :, :], truth.shape)
+    return f"the true centre view repeated: {_quality(still, truth)}", rms(still - truth)
 
 
-def _predicted(axes: Mapping[str, Axes], maps: Mapping[str, np.ndarray], top: float) -> None:
-    """Predicted errors in the rows of their estimates."""
-    for name, values in maps.items():
-        _picture(axes[name], values, "predicted error\n(1 σ, rms over views)", cmap="magma", vmin=0, vmax=top)
-        add_bar(axes[name], axes[name].images[0], _UNIT)
-
-
-def _highest(values: np.ndarray) -> float:
-    """Where the colours of a map end; 1 where none of it is finite and above 0."""
-    finite = values[np.isfinite(values)]
-    return (float(np.quantile(finite, 0.99)) if finite.size else 0.0) or 1.0
+def _map(axis: Axes, values: np.ndarray, title: str, top: float) -> None:
+    """Errors, with their bar."""
+    _picture(axis, values, title, cmap="magma", vmin=0, vmax=top)
+    add_bar(axis, axis.images[0], _UNIT)
 
 
 def _picture(axis: Axes, values: np.ndarray, title: str, **how: Any) -> None:

@@ -15,7 +15,7 @@ from tmca.metrics.refocusing import colour_views
 from tmca.plots.cube import rgb_composite, sample_points, white_level
 from tmca.plots.light_field import centre_view, error_top
 from tmca.plots.paper import Curves, Panels, Picture, Scale, fits_a_page, paper_figure
-from tmca.plots.style import bright_level, rms
+from tmca.plots.style import bright_level, most_of, rms
 from tmca.plots.views import brightest, horizontal_slice, liveliest, shown
 
 if TYPE_CHECKING:
@@ -245,7 +245,7 @@ class _Errors:
 
     def scales(self) -> dict[str, Scale]:
         """Theirs: 99 of a hundred pixels lie below its end, see `_error_scale`."""
-        return {"error": _error_scale("error, rms", [*self.errors.values()], _most)} if self.errors else {}
+        return {"error": _error_scale("error, rms", [*self.errors.values()], most_of)} if self.errors else {}
 
 
 def _error_scale(label: str, maps: Sequence[np.ndarray], end: Callable[[Sequence[np.ndarray]], float]) -> Scale:
@@ -255,8 +255,3 @@ def _error_scale(label: str, maps: Sequence[np.ndarray], end: Callable[[Sequence
     if whole <= _TIMES_BEST * best:
         return Scale(label, "magma", 0.0, whole)
     return Scale(f"{label}, up to {_TIMES_BEST} × the best", "magma", 0.0, _TIMES_BEST * best)
-
-
-def _most(maps: Sequence[np.ndarray]) -> float:
-    """What 99 of a hundred pixels lie below."""
-    return float(np.quantile(np.concatenate([one.ravel() for one in maps]), 0.99)) or 1.0

@@ -180,6 +180,12 @@ def rms(values: np.ndarray) -> np.ndarray:
     return np.sqrt((values**2).reshape(-1, *values.shape[-2:]).mean(axis=0))
 
 
+def most_of(maps: Sequence[np.ndarray]) -> float:
+    """End of a common scale of maps of errors: what 99 of a hundred finite values lie below, 1 in place of 0."""
+    values = np.concatenate([one[np.isfinite(one)] for one in maps] or [np.ones(1)])
+    return (float(np.quantile(values, 0.99)) if values.size else 0.0) or 1.0
+
+
 def bright_level(values: np.ndarray, quantile: float = 0.995) -> float:
     """The value that is shown as white: a quantile, or 1 where it is not above 0."""
     level = float(np.quantile(values, quantile))

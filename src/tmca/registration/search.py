@@ -48,7 +48,7 @@ _THEN = (Stage(0.03, 1.0, 5, _ALL, 8, 0.4), LAST)
 _STARTS = 4
 """Shifts that are climbed: under a dispersion and a rotation that are not yet found, the most probable one may lie
 beside the mask's place, with the right one next to it."""
-_ELSEWHERE = ((5, 7), (-7, 5), (11, -3), (-3, -11), (9, 9), (-8, -6), (-10, 8), (6, -9))
+ELSEWHERE = ((5, 7), (-7, 5), (11, -3), (-3, -11), (9, 9), (-8, -6), (-10, 8), (6, -9))
 """Pixels down and right to places where the mask does not lie."""
 _STANDS_OUT = 0.8
 """Share of the signed ranks of blocks that have to be for the place where the search ended: in trials 1 behind right
@@ -106,7 +106,7 @@ def standing(evidence: MaskEvidence, vector: np.ndarray, blocks: Places) -> floa
     Evidence alone says little: under a prior that fits badly a wrong mask may gain much in a few bright blocks. The
     best place elsewhere is the rival of each block, as the place was the best of many, too.
     """
-    others = [evidence.each(vector + np.pad(away, (0, len(vector) - 2)), blocks) for away in _ELSEWHERE]
+    others = [evidence.each(vector + np.pad(away, (0, len(vector) - 2)), blocks) for away in ELSEWHERE]
     gains = evidence.each(vector, blocks) - np.max(others, axis=0)
     ranks = np.abs(gains).argsort().argsort() + 1
     return float(ranks[gains > 0].sum() / ranks.sum())
