@@ -1,6 +1,6 @@
 """The network and the prior that come with tmca for spectral cameras of any bands, codes, buckets and noise.
 
-``make train-shipped`` does the first two of these steps. On any machine with the data::
+``make train-shipped`` does all three of these steps. On any machine with the data::
 
     python -m studies.shipped.train pack ../shared/data/splits --out runs/shipped/cubes
 
@@ -11,11 +11,12 @@ processor where there is one::
 
 draws cameras and scenes for a part of the time, learns for the rest, and writes ``state.pt`` (below 16 MB) with every
 report. Run again, it goes on from there with other cameras and scenes, unless ``--fresh``; stopped, it loses what it
-learned since the last report. ::
+learned since the last report. The size of the network is ``large`` on a graphics processor and ``small`` elsewhere,
+unless ``--preset`` says another (`studies.shipped.presets`). ::
 
-    python -m studies.shipped.train ship runs/shipped/cubes --load runs/shipped/state.pt --trained "on one H100"
+    python -m studies.shipped.train ship runs/shipped/cubes --load runs/shipped/state.pt --trained "on one H100" --out .
 
-writes the files that come with the package.
+writes ``universal.safetensors`` and its prior, for ``tmca reconstruct --weights``; without ``--out`` into the package.
 """
 
 from __future__ import annotations
@@ -34,16 +35,15 @@ from torch import Tensor
 
 import tmca
 from studies.shipped.pool import KNOTS, Example, benchmark_camera, drawn_camera, example, gains
+from studies.shipped.presets import BLOCK, PRESETS, RANK, Preset
 from studies.shipped.scenes import read_cubes, write_cubes
 from tmca.cameras import SpectralCamera
 from tmca.data import atomic_path
 from tmca.decoders import SubspaceNetwork, Weights
+from tmca.devices import computes_half
 from tmca.priors import SubspacePrior
 from tmca.sensor import Noise
 
-SETTINGS: dict[str, Any] = {"rank": 16, "stages": 3, "widths": (80, 112, 144), "blocks": 2, "gather": 2}
-BLOCK = (12, 122)
-"""Rows and columns of the prior: enough for 54 columns of dispersion."""
 _RATE, _WARM, _LAST = 1e-3, 100, 0.02
 _ROWS = 128
 """Rows of a scene in a step; all its columns, along which light is dispersed."""
@@ -51,10 +51,11 @@ _EARLY, _SPREAD = 0.3, 0.05
 """Weights of the loss of stages before the last, and of that of the standard deviation."""
 _FLOOR = 1e-6
 _DARKEST = 1e-8
-SIZE = (256, 256)
+_BENCHMARK = 0.3
+"""Share of the cameras that are that of the benchmark."""
 STATE = "state.pt"
 FOLDER, UNIVERSAL = Path(tmca.__file__).parent / "weights", "universal"
-"""Where ``ship`` writes, and the name of what it writes."""
+"""Where ``ship`` writes unless it is told another folder, and the name of what it writes."""
 CAMERAS: dict[str, tuple[dict[str, Any], Noise]] = {
     "K = 8": ({"bands": 12, "slots": 8, "aperture": "random", "shutter": "random", "seed": 5}, Noise(0.01)),
     "two buckets": (
@@ -105,23 +106,28 @@ class Trained:
     seconds: float = 0.0
 
     @classmethod
-    def of(cls, prior: SubspacePrior, state: Path | None = None) -> Self:
-        """One that begins in the subspace of the prior, or goes on from a state; old states have no counts."""
-        network = SubspaceNetwork(**SETTINGS)
+    def new(cls, prior: SubspacePrior, preset: Preset) -> Self:
+        """One that begins in the subspace of the prior."""
+        network = SubspaceNetwork(rank=prior.basis.shape[1], **preset.network)
         mean, basis = prior.mean.cpu(), prior.basis.cpu()
         own = prior.moments[:, :, 0, 0].diagonal().cpu() + (mean @ basis).square()
         network.basis.copy_(basis * own.sqrt())
-        if state is None:
-            return cls(network)
+        return cls(network)
+
+    @classmethod
+    def load(cls, state: Path) -> Self:
+        """What a piece has written."""
         stored = torch.load(state, weights_only=True)
+        network = SubspaceNetwork(**stored["settings"])
         network.load_state_dict(stored["network"])
-        return cls(network, stored.get("steps", 0), stored.get("seconds", 0.0))
+        return cls(network, stored["steps"], stored["seconds"])
 
     def save(self, path: Path) -> None:
         """Write the state, whole or not at all."""
         network = {name: value.cpu() for name, value in self.network.state_dict().items()}
         with atomic_path(path, overwrite=True) as temporary:
-            torch.save({"network": network, "steps": self.steps, "seconds": self.seconds}, temporary)
+            counts = {"steps": self.steps, "seconds": self.seconds}
+            torch.save({"network": network, "settings": self.network.settings, **counts}, temporary)
 
 
 class Fit:
@@ -154,35 +160,50 @@ class Fit:
         return 10 * torch.log10(errors[0] / errors[1]).mean()
 
 
-def fit(folder: Path, out: Path, device: torch.device, seconds: float, how: argparse.Namespace) -> None:
+def fit(folder: Path, out: Path, device: torch.device, preset: Preset, how: argparse.Namespace) -> None:
     """Draw examples, then learn until the time is over, from where the last piece ended."""
     begun, state = time.perf_counter(), out / STATE
     out.mkdir(parents=True, exist_ok=True)
     cubes, held_out = read_cubes(folder / "train.xz"), read_cubes(folder / "val.xz")
-    mask = torch.load(folder / "about.pt", weights_only=True)["mask"][: how.size, : how.size]
-    prior = learned(cubes, device)
-    trained = Trained.of(prior, state if state.exists() and not how.fresh else None)
-    report(f"{device}, {trained.steps} steps in {trained.seconds:.0f} s so far")
+    prior, resumed = learned(cubes, device), state.exists() and not how.fresh
+    trained = Trained.load(state) if resumed else Trained.new(prior, preset)
+    parameters = sum(one.numel() for one in trained.network.parameters())
+    report(f"{device}, {parameters} parameters, {trained.steps} steps in {trained.seconds:.0f} s so far")
     place(trained.network, device)
-    rng, size = np.random.default_rng((how.seed, trained.steps)), (how.size, how.size)
+    rng = np.random.default_rng((how.seed, trained.steps))
+    mask = torch.load(folder / "about.pt", weights_only=True)["mask"][: preset.size, : preset.size]
     kinds = {"benchmark": benchmark_camera(mask)}
+    size = (preset.size, preset.size)
     kinds |= {name: (SpectralCamera(size=size, **given), noise) for name, (given, noise) in CAMERAS.items()}
     checked = {name: example(*one, held_out, prior, rng, 0, device) for name, one in kinds.items()}
+    pool = examples(preset, cubes, prior, mask, rng, device)
+    report(f"{len(pool)} cameras of {preset.scenes} scenes, {time.perf_counter() - begun:.0f} s")
+    learn(Fit(trained, pool, preset.batch, how.seed), checked, begun + how.seconds, state)
+
+
+def examples(
+    preset: Preset,
+    cubes: Sequence[Tensor],
+    prior: SubspacePrior,
+    mask: Tensor,
+    rng: np.random.Generator,
+    device: torch.device,
+) -> list[Example]:
+    """What a piece learns from: the camera of the benchmark, and others, until their number or the time is reached."""
     pool: list[Example] = []
-    drawing = time.perf_counter() + how.drawing
-    while not pool or (len(pool) < how.cameras and time.perf_counter() < drawing):
-        one = benchmark_camera(mask) if rng.random() < how.benchmark or not pool else drawn_camera(rng, size)
-        pool.append(example(*one, cubes, prior, rng, how.scenes, device))
-    report(f"{len(pool)} cameras of {how.scenes} scenes, {time.perf_counter() - begun:.0f} s")
-    learn(Fit(trained, pool, how.batch, how.seed), checked, begun + seconds, state)
+    end, size = time.perf_counter() + preset.drawing, (preset.size, preset.size)
+    while not pool or (len(pool) < preset.cameras and time.perf_counter() < end):
+        one = benchmark_camera(mask) if rng.random() < _BENCHMARK or not pool else drawn_camera(rng, size)
+        pool.append(example(*one, cubes, prior, rng, preset.scenes, device))
+    return pool
 
 
 def place(network: SubspaceNetwork, device: torch.device) -> None:
-    """Bring a network to where it learns, its layers laid out for speed; on a graphics processor in half precision."""
+    """Bring a network to where it learns, laid out for speed, and in half precision where the device computes it."""
     torch.nn.utils.convert_conv2d_weight_memory_format(network.to(device), torch.channels_last)
-    if device.type == "cuda":
-        torch.backends.cudnn.benchmark = True
-        network.body.forward = torch.autocast("cuda", torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]
+    torch.backends.cudnn.benchmark = device.type == "cuda"
+    if computes_half(device):
+        network.body.forward = torch.autocast(device.type, torch.bfloat16)(network.body.forward)  # type: ignore[method-assign]
 
 
 def learn(fit: Fit, checked: dict[str, Example], end: float, state: Path) -> None:
@@ -214,7 +235,7 @@ def figures(fit: Fit, checked: dict[str, Example], when: str, state: Path) -> No
 def learned(cubes: Sequence[Tensor], device: torch.device) -> SubspacePrior:
     """The prior of the training scenes."""
     cubes = [cube.double().to(device) for cube in cubes]
-    return SubspacePrior.learn(cubes, BLOCK, rank=SETTINGS["rank"], wavelengths=KNOTS.tolist())
+    return SubspacePrior.learn(cubes, BLOCK, rank=RANK, wavelengths=KNOTS.tolist())
 
 
 def report(text: str) -> None:
@@ -232,34 +253,43 @@ def main(arguments: Sequence[str] | None = None) -> None:
     fitting.add_argument("--out", type=Path, default=Path())
     fitting.add_argument("--device", default="auto", help="auto: cuda where there is one, else cpu")
     fitting.add_argument("--fresh", action="store_true", help=f"begin anew, whatever {STATE} holds")
-    numbers = {"seconds": 600.0, "drawing": 70.0, "cameras": 64, "scenes": 16, "batch": 6, "benchmark": 0.3}
-    for name, value in {**numbers, "seed": 0, "size": SIZE[0]}.items():
-        fitting.add_argument(f"--{name}", type=type(value), default=value)
+    fitting.add_argument("--preset", choices=PRESETS, help="usually large on a graphics processor, small elsewhere")
+    fitting.add_argument("--seconds", type=float, default=600.0, help="of this piece, in all")
+    fitting.add_argument("--seed", type=int, default=0)
+    numbers = {
+        name: type(getattr(PRESETS["small"], name)) for name in ("size", "cameras", "scenes", "drawing", "batch")
+    }
+    for name, kind in numbers.items():
+        fitting.add_argument(f"--{name}", type=kind, help="in the place of the preset's")
     shipping = commands.add_parser("ship")
     shipping.add_argument("folder", type=Path)
     shipping.add_argument("--load", type=Path, required=True)
     shipping.add_argument("--trained", required=True, help="on which machine, for the card")
+    shipping.add_argument("--out", type=Path, default=FOLDER, help="usually the package")
     how = parser.parse_args(arguments)
     if how.command == "pack":
         pack(how.splits, how.out)
     elif how.command == "ship":
-        ship(how.folder, how.load, how.trained)
+        ship(how.folder, how.load, how.trained, how.out)
     else:
         best = "cuda" if torch.cuda.is_available() else "cpu"
-        fit(how.folder, how.out, torch.device(best if how.device == "auto" else how.device), how.seconds, how)
+        device = torch.device(best if how.device == "auto" else how.device)
+        preset = PRESETS[how.preset or ("large" if device.type == "cuda" else "small")]
+        given = {name: getattr(how, name) for name in numbers if getattr(how, name) is not None}
+        fit(how.folder, how.out, device, replace(preset, **given), how)
 
 
-def ship(folder: Path, state: Path, trained: str) -> None:
-    """Write network and prior into the package."""
+def ship(folder: Path, state: Path, trained: str, out: Path) -> None:
+    """Write network and prior into a folder."""
     prior = learned(read_cubes(folder / "train.xz"), torch.device("cpu"))
     names = torch.load(folder / "about.pt", weights_only=True)["train"]
-    replace(prior, sources=tuple(names)).save(FOLDER / f"{UNIVERSAL}-prior.nc", overwrite=True)
-    network = Trained.of(prior, state)
+    replace(prior, sources=tuple(names)).save(out / f"{UNIVERSAL}-prior.nc", overwrite=True)
+    network = Trained.load(state)
     counts = {"steps": network.steps, "seconds": round(network.seconds)}
     card = {"trained": trained, **counts, "scenes": list(names), "recipe": "studies/shipped/train.py"}
     camera = SpectralCamera(KNOTS.tolist(), (16, 16), 1, aperture="static", shutter="open")
     weights = Weights.of(network.network, camera, f"{UNIVERSAL}-prior.nc", card)
-    weights.save(FOLDER / f"{UNIVERSAL}.safetensors", overwrite=True)
+    weights.save(out / f"{UNIVERSAL}.safetensors", overwrite=True)
 
 
 def pack(splits: Path, out: Path) -> None:

@@ -14,7 +14,7 @@ import tmca
 from studies.bench import load_any_depth_scene, middle_of, reading_range, select_bands
 from tmca.applications import application_of
 from tmca.data import read_split
-from tmca.decoders import make_decoder
+from tmca.decoders import Weights, make_decoder
 from tmca.priors import block_of, learn_prior
 
 BANDS, SIZE = 12, (256, 256)
@@ -38,6 +38,11 @@ def random(slots: int, noise: tmca.Sensor, **more: Any) -> dict[str, Any]:
 
 def balanced(slots: int, noise: tmca.Sensor, **more: Any) -> dict[str, Any]:
     return {"slots": slots, "shutter": "balanced", "buckets": 2, **TILED, "sensor": noise, **more}
+
+
+def default(slots: int, noise: tmca.Sensor) -> dict[str, Any]:
+    """A camera that comes with the package, with its codes; it alone is decoded by its network."""
+    return {"default": slots, "sensor": noise}
 
 
 def masks(slots: int, noise: tmca.Sensor, **more: Any) -> dict[str, Any]:
@@ -69,7 +74,7 @@ class Kind:
 
 KINDS = {
     "spectral": Kind(
-        ("lmmse", "lmmse-adapted", "mixture"),
+        ("lmmse", "lmmse-adapted", "mixture", "network"),
         SIZE,
         (160, 192),
         {
@@ -77,16 +82,23 @@ KINDS = {
             "K = 2, σ = 0.03": random(2, sensor(0.03)),
             "K = 8, σ = 0.01": random(8, sensor(0.01)),
             "two buckets, K = 4, σ = 0.003": balanced(4, sensor(0.003)),
+            "default, K = 1, σ = 0.001": default(1, sensor(0.001)),
+            "default, K = 1, σ = 0.01": default(1, sensor(0.01)),
+            "default, K = 8, σ = 0.001": default(8, sensor(0.001)),
+            "default, K = 8, σ = 0.01": default(8, sensor(0.01)),
+            "default, K = 8, 10 000 e⁻, 3 e⁻": default(8, SHOT),
         },
         {
             "K = 8, σ = 0.01": random(8, sensor(0.01), seed=100),
             "left out: two buckets, K = 6, 35 % open, σ = 0.005": balanced(6, sensor(0.005), duty=0.35, seed=101),
+            "default, K = 8, σ = 0.01": default(8, sensor(0.01)),
+            "default, K = 1, σ = 0.005": default(1, sensor(0.005)),
         },
         ("cave_val",),
         ("cave_test",),
     ),
     "light-field": Kind(
-        ("lmmse",),
+        ("lmmse", "network"),
         (192, 256),
         (192, 256),
         {
@@ -96,10 +108,15 @@ KINDS = {
             "K = 8, σ = 0.01": {"slots": 8, "shutter": "random", "sensor": sensor(0.01)},
             "K = 8, 10 000 e⁻, 3 e⁻": {"slots": 8, "shutter": "random", "sensor": SHOT},
             "K = 8 one-hot, σ = 0.03": {"slots": 8, "shutter": "one-hot", "sensor": sensor(0.03)},
+            "default, σ = 0.001": default(8, sensor(0.001)),
+            "default, σ = 0.01": default(8, sensor(0.01)),
+            "default, 10 000 e⁻, 3 e⁻": default(8, SHOT),
         },
         {
             "K = 8, σ = 0.01": {"slots": 8, "shutter": "random", "sensor": sensor(0.01), "seed": 100},
             "left out: K = 6, σ = 0.005": {"slots": 6, "shutter": "random", "sensor": sensor(0.005), "seed": 101},
+            "default, σ = 0.01": default(8, sensor(0.01)),
+            "default, σ = 0.03": default(8, sensor(0.03)),
         },
         ("light_field_train", "chelsea"),
         ("light_field_test", "coffee", "motorcycle"),
@@ -165,6 +182,8 @@ def cases(kind: str, data: Path, *, measured: bool = False, decoders: Sequence[s
     for seed, (name, settings) in enumerate((what.measured if measured else what.fitted).items()):
         camera_of = {"seed": seed + 1, **settings}
         for decoder in decoders or what.decoders:
+            if ("default" in settings) != (decoder == "network"):
+                continue
             if (decoder in _SLOW and "left out" in name) or (decoder == "mixture" and settings.get("buckets") == 2):
                 continue
             yield from _of_camera(kind, decoder, name, camera_of, names, data, measured)
@@ -175,7 +194,8 @@ def _of_camera(
 ) -> Iterator[Case]:
     """Of all scenes under every prior."""
     what, prepared = KINDS[kind], dict[tuple[Any, ...], Any]()
-    priors = ("rendered", "CAVE") if kind == "spectral" and "left out" not in name else ("rendered",)
+    both = kind == "spectral" and "left out" not in name and decoder != "network"
+    priors = ("rendered", "CAVE") if both else ("rendered",)
     priors = priors[-1:] if measured and decoder in _SLOW else priors
     for scene in names:
         labelled = read(kind, scene, what.size if measured else what.cut, measured=measured)
@@ -205,6 +225,8 @@ def read(kind: str, scene: str, size: tuple[int, int], *, measured: bool = False
 
 
 def camera_at(kind: str, size: tuple[int, int], settings: Mapping[str, Any], scene: Any) -> Any:
+    if "default" in settings:
+        return Weights.find("default", settings["default"], kind).camera_for(size, sensor=settings["sensor"])
     if kind == "spectral":
         return tmca.SpectralCamera(scene["wavelength"].values.tolist(), size, **settings)
     if kind == "light-field":
@@ -217,7 +239,8 @@ _PRIORS = dict[tuple[Any, ...], Any]()
 
 def decoding(camera: Any, decoder: str, prior: str, data: Path) -> Callable[[Any], Any]:
     """Snapshots to estimates whose deviation is as it is predicted; prepared where that pays for a few of them."""
-    how = {"uncertainty": True} if camera.kind != "spectral-depth" else {}
+    how: dict[str, Any] = {"uncertainty": True} if camera.kind != "spectral-depth" else {}
+    how |= {"weights": "default"} if decoder == "network" else {}
     made = make_decoder(decoder, camera.kind, {**how, "calibrated": False})
     if prior == "rendered":
         return made.prepare(camera) if camera.kind == "spectral-depth" else made

@@ -98,11 +98,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
     parser.add_argument("--only", choices=KINDS, help="leave the other kinds of camera as they are")
+    parser.add_argument("--decoder", default="", help="leave the other decoders as they are")
     how = parser.parse_args()
     torch.set_num_threads(1)
     known = json.loads(FILE.read_text()) if FILE.exists() else []
     for kind in [how.only] if how.only else KINDS:
-        for decoder in KINDS[kind].decoders:
+        for decoder in [one for one in KINDS[kind].decoders if how.decoder in ("", one)]:
             made = calibration(kind, decoder, cases(kind, how.data, decoders=[decoder]))
             others = [one for one in known if (one["camera"], one["decoder"]) != (kind, decoder)]
             known = [*others, made]

@@ -133,7 +133,7 @@ def test_default_weights_take_and_decode_a_snapshot(tmp_path, options, slots):
 def test_behind_shipped_codes_their_network_decodes_unless_something_else_is_asked(tmp_path, capsys):
     main(["simulate", "spectral", *SCENE, "--weights", "default", "--read-noise", "0.01"])
     for options, decoder in (([], "network"), (["--set", "adapt=1"], "network"), (["--no-uncertainty"], "network"),
-                             (["--uncertainty"], "lmmse"), (["--set", "fast=true"], "lmmse")):  # fmt: skip
+                             (["--uncertainty"], "network"), (["--set", "fast=true"], "lmmse")):  # fmt: skip
         capsys.readouterr()
         main(["reconstruct", "s.nc", "--no-figures", "--overwrite", *options])
         told = capsys.readouterr().out

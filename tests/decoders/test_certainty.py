@@ -12,8 +12,8 @@ from studies.uncertainty import fit
 from studies.uncertainty.cases import KINDS, Case
 from tests.decoders.conformance import camera_for, prior_for, values_for
 from tmca.cameras import Snapshot
-from tmca.decoders import decode, make_decoder
-from tmca.decoders.certainty import CALIBRATION, FILE, Certainty, Features, calibrated, calibrations
+from tmca.decoders import Weights, decode, make_decoder
+from tmca.decoders.certainty import CALIBRATION, FILE, Certainty, Features, calibrated, calibrations, change
 from tmca.errors import DataError
 from tmca.metrics import certainty
 
@@ -103,6 +103,43 @@ def test_the_file_is_what_the_recipe_writes():
 def test_no_scene_of_the_fit_is_measured():
     for kind in KINDS.values():
         assert not {*kind.scenes} & {*kind.tests}
+
+
+@pytest.mark.parametrize("shape", [(2, 3, 7, 6), (1, 2, 2, 5, 4)])
+def test_the_change_is_the_root_mean_square_of_a_slow_loop(shape):
+    one, other = drawn(*shape), drawn(*shape, seed=1)
+    square, found = (one - other).square().numpy(), change(one, other)
+    wide = np.pad(square, (*((0, 0),) * (square.ndim - 2), (2, 2), (2, 2)), mode="edge")
+    for y in range(shape[-2]):
+        for x in range(shape[-1]):
+            wanted = np.sqrt(wide[..., y : y + 5, x : x + 5].mean((-2, -1)))
+            np.testing.assert_allclose(found[..., y, x], wanted, atol=1e-9)
+
+
+@pytest.mark.parametrize(("kind", "slots"), [("spectral", 1), ("spectral", 8), ("light-field", 8)])
+def test_networks_that_come_with_tmca_know_their_deviation(kind, slots):
+    camera = Weights.find("default", slots, kind).camera_for((32, 40), sensor=tmca.Sensor(read_noise=0.01))
+    taken = tmca.simulate("coffee", camera, progress=False)
+    usual, plain = tmca.reconstruct(taken), tmca.reconstruct(taken, uncertainty=True, calibrated=False)
+    known = calibrations()["network", kind]
+    assert usual.decoder == plain.decoder == "network"
+    torch.testing.assert_close(usual.deviation, calibrated(plain.values, plain.deviation, known.coefficients))
+    assert usual.notes[CALIBRATION] == ", ".join(known.scenes)
+    assert tmca.reconstruct(taken, uncertainty=False).deviation is None
+    assert tmca.reconstruct(taken, "network", start="admm-tv-joint").deviation is None
+    assert (usual.deviation > 0).all()
+
+
+def test_networks_of_ones_own_give_no_deviation_and_that_of_universal_is_its_own(tmp_path):
+    given = Weights.find("default", 1)
+    given.save(tmp_path / "mine.safetensors")
+    camera = given.camera_for((32, 40), sensor=tmca.Sensor(read_noise=0.01))
+    taken = tmca.simulate("coffee", camera, progress=False)
+    assert tmca.reconstruct(taken, "network", weights=tmp_path / "mine.safetensors").deviation is None
+    theirs = tmca.reconstruct(taken, "network", weights="universal")
+    assert theirs.deviation is not None
+    assert CALIBRATION not in theirs.notes
+    assert tmca.reconstruct(taken, "network", weights="universal", uncertainty=False).deviation is None
 
 
 CASES = [("lmmse", "spectral"), ("lmmse-adapted", "spectral"), ("mixture", "spectral"), ("lmmse", "light-field")]

@@ -77,7 +77,9 @@ def test_a_network_at_other_bands_shares_its_layers():
 
 def test_wavelengths_beyond_its_range_are_refused():
     with pytest.raises(SettingError, match="400 to 700 nm"):
-        small().at([380e-9, 500e-9])
+        small().at([365e-9, 500e-9])
+    outermost = small().at([370e-9, 400e-9, 500e-9]).spectra
+    assert torch.equal(outermost[0], outermost[1])
     with pytest.raises(ShapeError, match="network"):
         small().at([500e-9])(*seen(camera(2)))
 

@@ -168,7 +168,7 @@ def test_a_camera_with_shipped_codes_is_decoded_by_their_network_where_nothing_e
                    SpectralCamera(12, (20, 24), 8), SpectralCamera(12, (20, 24), 1, shutter="open")):  # fmt: skip
         assert usual_for(unlike) == ("lmmse", {})
     prior = Weights.find("default", 8).load_prior()
-    assert decode(taken, prior=prior).decoder == decode(taken, uncertainty=True).decoder == "lmmse"
+    assert decode(taken, prior=prior).decoder == decode(taken, fast=True).decoder == "lmmse"
     assert decode(taken, adapt=1).decoder == decode(taken, "network").decoder == "network"
     for noise, usual in ((0.05, "network"), (0.1, "lmmse")):
         assert usual_for(own.replace(sensor=Sensor(read_noise=noise)))[0] == usual

@@ -1,5 +1,7 @@
 """A prior of any bands."""
 
+import warnings
+
 import pytest
 import torch
 import xarray as xr
@@ -10,7 +12,8 @@ from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.cli import main
 from tmca.data import write_dataset
 from tmca.errors import SettingError, ShapeError
-from tmca.priors import GaussianPrior, NarrowBlocks, SubspacePrior, find_prior, interpolation, learn_prior
+from tmca.priors import BandsBeyond, GaussianPrior, NarrowBlocks, SubspacePrior, find_prior, interpolation, learn_prior
+from tmca.priors.statistics import FLOOR
 
 KNOTS = tuple(1e-9 * v for v in (400.0, 450.0, 520.0, 600.0, 700.0))
 
@@ -28,12 +31,47 @@ def test_values_between_knots_lie_on_a_line():
     assert ((weights > 0).sum(1) <= 2).all()
 
 
-@pytest.mark.parametrize("lengths", [[390e-9, 500e-9], [500e-9, 710e-9]])
-def test_wavelengths_beyond_what_was_learned_are_refused(lengths):
+@pytest.mark.parametrize("lengths", [[368e-9, 500e-9], [500e-9, 732e-9]])
+def test_wavelengths_far_beyond_what_was_learned_are_refused(lengths):
     prior = SubspacePrior.learn(cubes(), (3, 7), rank=2, wavelengths=KNOTS)
-    with pytest.raises(SettingError, match="400 to 700 nm, where it was learned") as refusal:
+    with pytest.raises(SettingError, match="400 to 700 nm, where it was learned, and up to 30 nm beyond") as refusal:
         prior.at(lengths)
     assert refusal.value.where == "wavelengths"
+    assert "30 nm beyond lose" in str(refusal.value)
+
+
+def test_a_band_beyond_differs_from_the_outermost_as_the_one_as_far_inside_but_independently():
+    prior = SubspacePrior.learn(cubes(), (4, 6), rank=3, wavelengths=KNOTS)
+    lengths = [380e-9, 390e-9, 500e-9, 715e-9]
+    ours = prior.at(lengths)
+    known = prior.at([400e-9, 420e-9, 410e-9, 500e-9, 700e-9, 685e-9])  # ends, and places as far inside as beyond
+    parts = torch.zeros(4, 6, 2).double()  # of known bands, and of increments: two independent scenes
+    for row, (end, inside) in enumerate(((0, 1), (0, 2), (3, 3), (4, 5))):
+        parts[row, end, 0] = 1
+        parts[row, end, 1] += 1
+        parts[row, inside, 1] -= 1
+    moments = known.moments.clone()
+    moments[:, :, 0, 0] -= FLOOR * torch.eye(6).double()
+    wanted = torch.zeros_like(ours.moments)
+    for one in range(4):
+        for other in range(4):
+            wanted[one, other] += torch.einsum("a,b,abyx->yx", parts[one, :, 0], parts[other, :, 0], moments)
+            if (lengths[one] < 400e-9) == (lengths[other] < 400e-9):  # both sides are independent, too
+                wanted[one, other] += torch.einsum("a,b,abyx->yx", parts[one, :, 1], parts[other, :, 1], moments)
+    wanted[:, :, 0, 0] += FLOOR * torch.eye(4).double()
+    torch.testing.assert_close(ours.moments, wanted)
+    torch.testing.assert_close(ours.mean[[0, 1, 3]], known.mean[[0, 0, 4]])
+    assert torch.linalg.eigvalsh(ours.covariance).min() > 0
+
+
+def test_bands_beyond_are_decoded_with_a_warning_that_says_the_loss():
+    prior = SubspacePrior.learn(cubes(), (3, 7), rank=2, wavelengths=KNOTS)
+    inside, beyond = (SpectralCamera([first, 500e-9, 700e-9], (12, 14), 2) for first in (400e-9, 385e-9))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", BandsBeyond)
+        find_prior(inside, prior)
+    with pytest.warns(BandsBeyond, match="385 to 700 nm reach beyond those of the prior, 400 to 700 nm: bands 10 nm"):
+        find_prior(beyond, prior)
 
 
 def test_knots_ascend():

@@ -1,5 +1,6 @@
 """The recipe of the network that comes with the package: cubes, drawn cameras and scenes, and pieces of training."""
 
+from dataclasses import replace
 from itertools import count
 from types import SimpleNamespace
 
@@ -9,6 +10,7 @@ import torch
 
 from studies.shipped import train
 from studies.shipped.pool import KNOTS, drawn_camera, example
+from studies.shipped.presets import PRESETS, RANK, Preset
 from studies.shipped.scenes import drawn_scene, read_cubes, write_cubes
 from studies.shipped.train import STATE, Fit, Trained, figures, loss_of
 from tests.small_scenes import smooth_scene
@@ -20,7 +22,8 @@ from tmca.sensor import Noise
 
 CPU = torch.device("cpu")
 SIZE = (24, 20)
-TINY = {"rank": 4, "stages": 2, "widths": (8,), "blocks": 1, "gather": 2}
+TINY = {"stages": 2, "widths": (8,), "blocks": 1, "gather": 2}
+PRESET = Preset(TINY, 24, 1, 2, 70.0, 2)
 FEW = {"bands": 4, "slots": 2, "aperture": "random", "shutter": "random", "seed": 3}
 LAMPS = torch.from_numpy(np.exp(-((KNOTS * 1e9 - np.array([[450], [550], [650]])) ** 2) / 5000).T).float()
 """(31, 3) spectra of which the scenes are mixed."""
@@ -38,7 +41,8 @@ def rng(seed=0):
 @pytest.fixture(autouse=True)
 def tiny(monkeypatch):
     """Blocks, networks and cameras that take milliseconds."""
-    for name, value in {"BLOCK": (4, 12), "SETTINGS": TINY, "CAMERAS": {"few": (FEW, Noise(0.01))}}.items():
+    given = {"BLOCK": (4, 12), "RANK": 4, "PRESETS": {"small": PRESET}, "CAMERAS": {"few": (FEW, Noise(0.01))}}
+    for name, value in given.items():
         monkeypatch.setattr(train, name, value)
     monkeypatch.setattr(train, "benchmark_camera", lambda mask: (SpectralCamera(size=mask.shape, **FEW), Noise(0.0)))
 
@@ -103,7 +107,7 @@ def test_scenes_are_drawn_from_every_cube():
 
 
 def test_drawn_cameras_differ_and_the_network_serves_them():
-    draw, network, kinds = rng(), SubspaceNetwork(**TINY), set()
+    draw, network, kinds = rng(), SubspaceNetwork(rank=4, **TINY), set()
     for _ in range(20):
         camera, noise = drawn_camera(draw, SIZE)
         scene = torch.rand(1, *camera.scene_shape)
@@ -138,7 +142,7 @@ def test_rows_of_an_example_are_what_the_camera_saw_there(seen):
 
 
 def test_steps_change_the_network_and_it_stays_finite(prior, seen):
-    trained = Trained.of(prior)
+    trained = Trained.new(prior, PRESET)
     before = [one.detach().clone() for one in trained.network.parameters()]
     fit = Fit(trained, [seen], batch=2, seed=0)
     assert all(fit.step(number, 0.0).isfinite() for number in range(2))
@@ -149,19 +153,19 @@ def test_steps_change_the_network_and_it_stays_finite(prior, seen):
 
 
 def test_the_average_is_stored_and_learning_goes_on_without_it(prior, seen, tmp_path):
-    fit = Fit(Trained.of(prior), [seen], batch=2, seed=0)
+    fit = Fit(Trained.new(prior, PRESET), [seen], batch=2, seed=0)
     for number in range(3):
         fit.step(number, 0.0)
     before = [one.detach().clone() for one in fit.network.parameters()]
     figures(fit, {}, "now", tmp_path / STATE)
-    stored = Trained.of(prior, tmp_path / STATE).network.parameters()
+    stored = Trained.load(tmp_path / STATE).network.parameters()
     assert all(torch.equal(one, mean) for one, mean in zip(stored, fit.average.values, strict=True))
     assert all(torch.equal(one, its) for one, its in zip(fit.network.parameters(), before, strict=True))
     assert any(not torch.equal(one, mean) for one, mean in zip(before, fit.average.values, strict=True))
 
 
 def test_the_loss_falls_on_one_example(prior, seen):
-    trained = Trained.of(prior)
+    trained = Trained.new(prior, PRESET)
     fit = Fit(trained, [seen], batch=3, seed=0)
     truth, snapshot, operator, start = seen.part(slice(None), torch.arange(3))
 
@@ -194,7 +198,7 @@ def test_pieces_draw_other_scenes(folder, monkeypatch):
     monkeypatch.setattr(train, "learn", lambda fit, *_: pools.append(fit.pool))
     for steps in (0, 0, 7):
         prior = train.learned(read_cubes(folder / "train.xz"), CPU)
-        Trained(Trained.of(prior).network, steps, 1.0).save(folder / STATE)
+        Trained(Trained.new(prior, PRESET).network, steps, 1.0).save(folder / STATE)
         piece(folder, monkeypatch, 20)
     first, again, other = (pool[0].scenes for pool in pools)
     assert torch.equal(first, again)
@@ -216,25 +220,33 @@ def test_stopped_it_keeps_what_it_reported_last(folder, monkeypatch):
     assert {path.name for path in folder.iterdir()} == {"train.xz", "val.xz", "about.pt", STATE}
 
 
-def test_a_state_without_counts_is_gone_on_from(prior, tmp_path):
-    trained = Trained.of(prior)
-    torch.nn.init.ones_(trained.network.shift)
-    torch.save({"network": trained.network.state_dict()}, tmp_path / STATE)
-    restored = Trained.of(prior, tmp_path / STATE)
-    assert (restored.steps, restored.seconds) == (0, 0)
-    assert restored.network.shift.eq(1).all()
+def test_a_state_says_what_network_it_holds(prior, folder, monkeypatch):
+    wide = Trained.new(prior, replace(PRESET, network={**TINY, "widths": (16,)}))
+    wide.save(folder / STATE)
+    assert piece(folder, monkeypatch, 0)["settings"]["widths"] == [16]
+    assert piece(folder, monkeypatch, 0, "--fresh")["settings"]["widths"] == [8]
+
+
+@pytest.mark.parametrize("machine", ["cpu", "cuda"])
+def test_the_machine_chooses_the_preset_unless_it_is_named(folder, monkeypatch, machine):
+    chosen = []
+    monkeypatch.setattr(train, "PRESETS", PRESETS)
+    monkeypatch.setattr(train, "fit", lambda folder, out, device, preset, how: chosen.append(preset))
+    for more in ((), ("--preset=small",), ("--preset=large", "--batch=3")):
+        train.main(["fit", str(folder), f"--device={machine}", *more])
+    usual = PRESETS["large" if machine == "cuda" else "small"]
+    assert chosen == [usual, PRESETS["small"], replace(PRESETS["large"], batch=3)]
 
 
 def test_the_true_state_is_below_16_MB(prior, tmp_path, monkeypatch):
     monkeypatch.undo()
-    Trained(SubspaceNetwork(**train.SETTINGS)).save(tmp_path / STATE)
+    Trained(SubspaceNetwork(rank=RANK, **PRESETS["large"].network)).save(tmp_path / STATE)
     assert (tmp_path / STATE).stat().st_size < 16e6
 
 
-def test_what_is_shipped_says_how_long_it_was_trained(folder, monkeypatch):
-    monkeypatch.setattr(train, "FOLDER", folder)
+def test_what_is_written_says_how_long_it_was_trained(folder, monkeypatch):
     state = piece(folder, monkeypatch, 20)
-    train.main(["ship", str(folder), "--load", str(folder / STATE), "--trained", "on nothing"])
+    train.main(["ship", str(folder), "--load", str(folder / STATE), "--trained", "on nothing", "--out", str(folder)])
     weights = train.Weights.load(folder / "universal.safetensors")
     assert weights.card["trained"] == "on nothing"
     assert weights.card["steps"] == state["steps"]

@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 def given_settings(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
     """Settings that have an option of their own; decoders that predict a standard deviation do, unless told not to."""
-    predicts = decoder is None or decoder.deviation
+    from tmca.arguments import setting_names
+
+    predicts = decoder is None or "uncertainty" in setting_names(decoder)
     options = {**options, "uncertainty": (options["uncertainty"] is not False) if predicts else None}
     return {name: value for name, value in options.items() if value is not None}
 

@@ -54,9 +54,13 @@ def calibrations(file: Path = FILE) -> Mapping[tuple[str, str], Certainty]:
     return {(one.decoder, one.camera): one for one in known}
 
 
-def calibrate(estimate: Estimate) -> None:
-    """Calibrate the deviation of an estimate, of its depth where it has one, as far as a calibration is known."""
-    known = calibrations().get((estimate.decoder, estimate.camera.kind))
+def calibrate(estimate: Estimate, decoder: str | None = None) -> None:
+    """Calibrate the deviation of an estimate, of its depth where it has one, as far as a calibration is known.
+
+    Args:
+        decoder: whose calibration is taken; None for that of the estimate's decoder.
+    """
+    known = calibrations().get((estimate.decoder if decoder is None else decoder, estimate.camera.kind))
     if known is None:
         return
     if estimate.deviation is not None:
@@ -84,6 +88,12 @@ def calibrated(values: Tensor, deviation: Tensor, coefficients: Mapping[str, flo
         if coefficient:
             total.add_(getattr(features, name), alpha=coefficient)
     return total.to(deviation.dtype)
+
+
+def change(estimate: Tensor, start: Tensor) -> Tensor:
+    """Root mean square, over the square of 5 pixels around, of what a network changed of its first estimate (B, …, H,
+    W): the deviation of networks that predict none themselves. Only calibrated it has the size of errors."""
+    return _mean((estimate - start).square(), _AROUND).clamp_min_(0).sqrt_()
 
 
 class Features:

@@ -43,7 +43,10 @@ class NoRenderedPrior(UserWarning):
 
 @dataclass
 class Raw:
-    """What `Decoder.reconstruct` returns where there is more than the values; shapes as in `Estimate`, or flat."""
+    """What `Decoder.reconstruct` returns where there is more than the values; shapes as in `Estimate`, or flat.
+
+    ``calibration`` names the entry of `tmca.decoders.certainty` for the deviation, if it is not that of the decoder.
+    """
 
     values: Tensor
     deviation: Tensor | None = None
@@ -52,6 +55,7 @@ class Raw:
     planes: Tensor | None = None
     depth_deviation: Tensor | None = None
     notes: dict[str, Any] = field(default_factory=dict)
+    calibration: str | None = None
 
 
 @dataclass
@@ -249,7 +253,7 @@ class Prepared:
         )
         if getattr(self.decoder, "calibrated", False):
             with torch.no_grad(), enough_memory(values.device):
-                calibrate(estimate)
+                calibrate(estimate, raw.calibration)
         return replace(estimate, seconds=time.perf_counter() - start)
 
     def stream(self, frames: Iterable[Snapshot[Any] | Tensor]) -> Iterator[Estimate]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from tmca.decoders.batches import one_by_one, part_of
 from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.adaptation import adapt_network
 from tmca.decoders.nets.bands import same_bands
-from tmca.decoders.nets.shipped import DEFAULT, SHIPPED, UNNAMED
+from tmca.decoders.nets.shipped import DEFAULT, FOLDER, SHIPPED, UNNAMED
 from tmca.decoders.nets.starts import VARIATION, VariationStart
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
@@ -45,12 +45,15 @@ class NetworkDecoder(Decoder):
     Args:
         weights: a run or file of `tmca train`; or what comes with tmca: default (spectral cameras of 12 bands, a
             light-field and a spectral-depth camera, with their codes; behind these it needs no name), or universal
-            (spectral, any bands, codes and buckets), which also predicts the standard deviation.
+            (spectral, any bands, codes and buckets).
         adapt: steps by which it learns from the snapshot itself before it decodes it: some pixels are hidden from it,
             and it learns to predict them (spectral and light-field snapshots); 0 for none.
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.
         start: own (the first estimate that it learned with) or admm-tv-joint, which needs no prior and is better for
             scenes unlike those of the network's prior, with adapt too (spectral and light-field snapshots).
+        uncertainty: also give the standard deviation of every entry: universal predicts it, and what the light networks
+            of default changed of their own first estimate tells it; others give none.
+        calibrated: bring the deviation of default's networks to the errors of known scenes; False leaves the change.
     """
 
     name, label, cameras = "network", "network", frozenset({"spectral", "light-field", "spectral-depth"})
@@ -58,6 +61,8 @@ class NetworkDecoder(Decoder):
     adapt: int = 0
     early_stop: bool = True
     start: str = "own"
+    uncertainty: bool = True
+    calibrated: bool = True
 
     def __post_init__(self) -> None:
         check_choice("start", self.start, ("own", VARIATION))
@@ -95,7 +100,11 @@ class NetworkDecoder(Decoder):
         network, path = _on(weights.network_for(camera), camera.response.device), str(weights.path or "")
         if not isinstance(network, TwoHeadedUNet):
             starts = None if self.start == "own" else partial(VariationStart, noise=camera.noise, gain=camera.exposures)
-            return CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior, starts=starts), path
+            how: dict[str, Any] = {
+                "starts": starts,
+                "changes": self.uncertainty and self.start == "own" and _is_shipped(weights),
+            }
+            return CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior, **how), path
         for name, usual in (("adapt", 0), ("start", "own")):
             if getattr(self, name) != usual:
                 found = f"{getattr(self, name)} on a {camera.kind} snapshot"
@@ -111,21 +120,30 @@ class NetworkDecoder(Decoder):
         run, path = prepared
         notes = {"weights": path, **({} if self.start == "own" else {"start": self.start})}
         values = values.to(next(run.network.parameters()).dtype)
-        if not self.adapt:
-            raw: Raw = run(values, progress)
-            raw.notes |= notes
-            return raw
-        parts = [self._adapted(run, one, report) for one, report in one_by_one(values, progress)]
+        raw: Raw = self._all_adapted(run, values, progress) if self.adapt else run(values, progress)
+        raw.notes |= notes
+        if not self.uncertainty:
+            raw.deviation = None
+        return raw
+
+    def _all_adapted(self, run: CollapsedNetwork, snapshots: Tensor, progress: Progress | None) -> Raw:
+        """Estimates by networks each of which learned from its own snapshot."""
+        parts = [self._adapted(run, one, report) for one, report in one_by_one(snapshots, progress)]
         raws, told = zip(*parts, strict=True)
         deviations = [raw.deviation for raw in raws if raw.deviation is not None]
-        deviation = torch.cat(deviations) if deviations else None
-        return Raw(torch.cat([raw.values for raw in raws]), deviation, notes=notes | {"adapted": "; ".join(told)})
+        values, deviation = torch.cat([raw.values for raw in raws]), torch.cat(deviations) if deviations else None
+        return replace(raws[0], values=values, deviation=deviation, notes={"adapted": "; ".join(told)})
 
     def _adapted(self, run: CollapsedNetwork, snapshot: Tensor, progress: Progress | None) -> tuple[Raw, str]:
         """The estimate of one snapshot by a network that learned from it, and how that went."""
         how: dict[str, Any] = {"stop": self.early_stop, "progress": part_of(progress, 0, _ADAPTED)}
         better = adapt_network(run, snapshot, self.adapt, **how)
         return better.run(snapshot, part_of(progress, _ADAPTED, 1)), str(better)
+
+
+def _is_shipped(weights: Weights) -> bool:
+    """Whether weights are a file of the package."""
+    return weights.path is not None and weights.path.resolve().parent == FOLDER.resolve()
 
 
 @lru_cache(maxsize=4)

@@ -3,15 +3,16 @@
 from tmca.operators.blocks import BlockGrid, BlockModel
 from tmca.priors.dictionary import PatchDictionary
 from tmca.priors.expected import expected_mse, expected_psnr
-from tmca.priors.finding import NarrowBlocks, block_of, find_prior, has_rendered, learn_prior
+from tmca.priors.finding import BandsBeyond, NarrowBlocks, block_of, find_prior, has_rendered, learn_prior
 from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.learning import views_of
 from tmca.priors.mixture import GaussianMixturePrior
 from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
 from tmca.priors.statistics import pooled
-from tmca.priors.subspace import SubspacePrior, interpolation
+from tmca.priors.subspace import SubspacePrior, interpolation, within
 
 __all__ = [
+    "BandsBeyond",
     "BlockGrid",
     "BlockModel",
     "GaussianMixturePrior",
@@ -32,6 +33,7 @@ __all__ = [
     "pooled",
     "prior_kinds",
     "views_of",
+    "within",
 ]
 
 

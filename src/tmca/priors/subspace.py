@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -14,6 +14,10 @@ from tmca.priors.gaussian import GaussianPrior
 from tmca.priors.prior import Prior
 from tmca.priors.statistics import FLOOR, checked_cubes, stationary_moments
 
+BEYOND = 30e-9
+"""Metres beyond what was learned in which bands are decoded: as far as their loss was measured."""
+LOSS = ((10, "0.7 to 1.3"), (30, "1.1 to 1.5"))
+"""Metres·1e9 beyond, and what bands there lose in dB (``studies/beyond.py``: static codes to K = 8)."""
 _NEAR = 1e-9  # metres
 
 
@@ -23,7 +27,8 @@ class SubspacePrior(Prior):
 
     Spectra lie in a subspace of R dimensions that is known at L wavelengths and interpolated linearly between them;
     ``at`` gives the `GaussianPrior` of a camera's bands, which equals the one that interpolated scenes teach, but for
-    what they have outside of the subspace.
+    what they have outside of the subspace. Up to 30 nm beyond its range, a band differs from the outermost one as much
+    as the band that lies as far inside, but independently.
 
     Args:
         mean: (L,) spectrum.
@@ -96,15 +101,29 @@ class SubspacePrior(Prior):
         """The prior of blocks (h, w) at other bands, in metres; of its own where they are not larger.
 
         Raises:
-            SettingError: wavelengths outside of its range.
+            SettingError: wavelengths more than 30 nm outside of its range.
         """
         rows, columns = block or self.block[1:]
-        between = interpolation(wavelengths, torch.tensor(self.wavelengths).to(self.mean)).to(self.mean)
-        spectra, part = between @ self.basis, self.moments[:, :, :rows, :columns]
-        moments = torch.einsum("lr,ms,rsyx->lmyx", spectra, spectra, part)
+        between = self._interpolation(within(wavelengths, self.wavelengths))
+        part = self.moments[:, :, :rows, :columns]
+        parts = [between @ self.basis, *self._increments(wavelengths, between)]
+        moments = torch.stack([torch.einsum("lr,ms,rsyx->lmyx", one, one, part) for one in parts]).sum(0)
         moments[:, :, 0, 0] += FLOOR * torch.eye(len(moments)).to(moments)
         mean = (between @ self.mean)[:, None, None].expand(-1, *part.shape[2:]).clone()
         return GaussianPrior(mean, moments, tuple(wavelengths), self.sources)
+
+    def _interpolation(self, wavelengths: Sequence[float]) -> Tensor:
+        return interpolation(wavelengths, torch.tensor(self.wavelengths).to(self.mean)).to(self.mean)
+
+    def _increments(self, wavelengths: Sequence[float], between: Tensor) -> Iterator[Tensor]:
+        """(L, R) how bands below, and above, the range differ from the outermost: as the ones as far inside do."""
+        first, last = self.wavelengths[0], self.wavelengths[-1]
+        for end, sign in ((first, -1.0), (last, 1.0)):
+            beyond = [sign * (one - end) for one in wavelengths]
+            if max(beyond) > _NEAR:
+                inside = [min(max(end - sign * max(far, 0), first), last) for far in beyond]
+                outermost = torch.tensor([[far > _NEAR] for far in beyond]).to(between)
+                yield outermost * (between - self._interpolation(inside)) @ self.basis
 
     def sample(self, count: int, seed: int) -> Tensor:
         return self.at(self.wavelengths).sample(count, seed)
@@ -126,6 +145,31 @@ class SubspacePrior(Prior):
         return prior
 
 
+def within(wavelengths: Sequence[float], known: Sequence[float]) -> list[float]:
+    """Wavelengths, the known one at the end for those up to 30 nm beyond; metres.
+
+    Raises:
+        SettingError: wavelengths farther outside.
+    """
+    first, last = known[0], known[-1]
+    if min(wavelengths) < first - BEYOND - _NEAR or max(wavelengths) > last + BEYOND + _NEAR:
+        found = f"bands from {min(wavelengths) * 1e9:.4g} to {max(wavelengths) * 1e9:.4g} nm"
+        wanted = (
+            f"{first * 1e9:.4g} to {last * 1e9:.4g} nm, where it was learned, and up to {BEYOND * 1e9:.0f} nm beyond"
+        )
+        loss = f"{loss_beyond(wavelengths, known)}, farther ones more"
+        remedy = f"leave these bands out, learn at them, or decode with admm-tv: {loss}"
+        raise SettingError("wavelengths", found, wanted, remedy)
+    return [min(max(one, first), last) for one in wavelengths]
+
+
+def loss_beyond(wavelengths: Sequence[float], known: Sequence[float]) -> str:
+    """What bands lose that lie beyond the known wavelengths, in a few words; nothing where all lie within."""
+    if known[0] - min(wavelengths) < _NEAR and max(wavelengths) - known[-1] < _NEAR:
+        return ""
+    return "bands " + ", ".join(f"{far} nm beyond lose {loss} dB" for far, loss in LOSS)
+
+
 def interpolation(wavelengths: Sequence[float], knots: Tensor) -> Tensor:
     """(L, K) weights, float64, by which values at K ascending knots make values at L wavelengths, linear between them.
 
@@ -142,7 +186,7 @@ def interpolation(wavelengths: Sequence[float], knots: Tensor) -> Tensor:
     if float(places.min()) < first - _NEAR or float(places.max()) > last + _NEAR:
         found = f"bands from {float(places.min()) * 1e9:.4g} to {float(places.max()) * 1e9:.4g} nm"
         wanted = f"{first * 1e9:.4g} to {last * 1e9:.4g} nm, where it was learned"
-        remedy = "leave these bands out, learn at them, or decode with admm-tv: the error beyond is not known"
+        remedy = "leave these bands out, or learn at them"
         raise SettingError("wavelengths", found, wanted, remedy)
     left = (torch.searchsorted(knots, places, right=True) - 1).clamp(0, len(knots) - 2)
     share = ((places - knots[left]) / (knots[left + 1] - knots[left])).clamp(0, 1)

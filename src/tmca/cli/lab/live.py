@@ -134,6 +134,7 @@ def _check_bank(bank: Path | None, camera: Any) -> None:
 
 def _decoder(asked: str | None, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> tuple[str, Decoder]:
     """Name of the decoder that is asked for, else of the usual one, and the decoder."""
+    from tmca.arguments import setting_names
     from tmca.decoders import decoders_for, make_decoder, usual_decoder
     from tmca.lab.decoder_files import decoder_named
 
@@ -141,7 +142,7 @@ def _decoder(asked: str | None, kind: str, weights: str | None, uncertainty: boo
     cls = decoders_for(kind, moving=None).get(name)
     settings: dict[str, Any] = {} if weights is None else {"weights": weights}
     settings |= {"fast": True} if fast else {}
-    settings |= {"uncertainty": uncertainty} if cls is not None and cls.deviation else {}
+    settings |= {"uncertainty": uncertainty} if cls is not None and "uncertainty" in setting_names(cls) else {}
     return name, make_decoder(name, kind, settings)
 
 

@@ -23,7 +23,7 @@ from tmca.decoders.nets.network import (
 from tmca.decoders.nets.unet import ConvolutionalBody
 from tmca.errors import check_range
 from tmca.operators import TapOperator
-from tmca.priors import interpolation
+from tmca.priors import interpolation, within
 from tmca.sensor import Noise
 
 _FIRST_SHIFT = -3.0  # softplus: 0.05
@@ -103,7 +103,7 @@ class SubspaceNetwork(Network):
         """The network, with the same layers, for bands at other wavelengths, in metres.
 
         Raises:
-            SettingError: wavelengths outside of its range.
+            SettingError: wavelengths more than 30 nm outside of its range.
         """
         there = copy(self)
         there.wavelengths, there.bands = tuple(wavelengths), len(wavelengths)
@@ -115,7 +115,8 @@ class SubspaceNetwork(Network):
     def _directions(self, wavelengths: tuple[float, ...]) -> tuple[Tensor, Tensor, Tensor]:
         """(L, R) spectra of coefficients of variance one, (R, L) what gives the coefficients of a spectrum, and
         (L, shapes) smooth functions of wavelength."""
-        spectra = interpolation(wavelengths, self.knots.double() * 1e-9) @ self.basis.double()
+        knots = self.knots.double() * 1e-9
+        spectra = interpolation(within(wavelengths, knots.tolist()), knots) @ self.basis.double()
         gram = spectra.mT @ spectra / len(spectra) + _RIDGE * torch.eye(self.rank).to(spectra)
         inverse = torch.linalg.solve(gram, spectra.mT) / len(spectra)
         place = (torch.tensor(wavelengths).to(spectra) * 1e9 - self.knots[0]) / (self.knots[-1] - self.knots[0])

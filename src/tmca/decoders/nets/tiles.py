@@ -14,6 +14,7 @@ from torch import Tensor
 
 from tmca.cameras import SpectralDepthCamera
 from tmca.decoders.batches import part_of
+from tmca.decoders.certainty import change
 from tmca.decoders.decoder import Progress, Raw
 from tmca.decoders.likelihood import DepthRaw
 from tmca.decoders.nets.network import TILE, Network
@@ -76,8 +77,8 @@ def over_tiles(
 
 
 class CollapsedNetwork:
-    """A network behind a collapsed camera: ``run(snapshot) -> Raw`` of the scene and, of a network that predicts it,
-    its standard deviation; any height and width.
+    """A network behind a collapsed camera: ``run(snapshot) -> Raw`` of the scene and its deviation; any height and
+    width. The deviation is the one that the network predicts; else, if asked for, what it changed around every pixel.
 
     Args:
         network: trained.
@@ -87,6 +88,7 @@ class CollapsedNetwork:
         tile: rows of the scene that pass the network at once, no more than its own ``tile``, and as many columns where
             the optics mix no columns; None for all. The estimate is the same to rounding.
         starts: makes what makes first estimates of an operator's snapshots; None for the network's own.
+        changes: return what was changed where the network predicts no deviation.
 
     Raises:
         SettingError: tiles of less than one row, or no prior for a network that needs one.
@@ -100,9 +102,10 @@ class CollapsedNetwork:
         prior: GaussianPrior | GaussianMixturePrior | None = None,
         tile: int | None = TILE,
         starts: Starts | None = None,
+        changes: bool = False,
     ) -> None:
         check_range("tile", 1 if tile is None else tile, 1)
-        self.network, self.operator, self.noise = network, operator, noise
+        self.network, self.operator, self.noise, self.changes = network, operator, noise, changes
         self.starts = starts or (lambda behind: prepared_start(network.start, behind, noise, prior))
         self.start = self.starts(operator)
         _, height, width = operator.scene_shape
@@ -133,7 +136,9 @@ class CollapsedNetwork:
             return map(torch.cat, zip(*parts, strict=True))
 
         values, *deviation = over_tiles(self.tiles, self.size, made, part_of(progress, begun, 1))
-        return Raw(values, deviation[0] if deviation else None)
+        if self.changes and not deviation:
+            return Raw(values, change(values, start.reshape(values.shape)))
+        return Raw(values, deviation[0] if deviation else None, calibration="")
 
     def _window(self, snapshot: Tensor, start: Tensor, tile: Tile) -> tuple[Tensor, ...]:
         light, part = window_of(self.operator, snapshot, tile)
