@@ -54,10 +54,13 @@ dist:
 	.dist/bin/python -m build --quiet
 	.dist/bin/twine check --strict dist/*
 
-# Ten minutes of training of the network that comes with the package; run again, it goes on where it ended. Other data:
-# `make train-shipped DATA=folder`, a folder with splits/.
+# Ten minutes of training of a network for any spectral camera, large on a graphics processor and small elsewhere; run
+# again, it goes on where it ended. Writes runs/shipped/universal.safetensors. Other data: `make train-shipped
+# DATA=folder`, a folder with splits/.
 train-shipped: .venv/installed runs/shipped/cubes/about.pt
 	.venv/bin/python -m studies.shipped.train fit runs/shipped/cubes --out runs/shipped --seconds 600
+	.venv/bin/python -m studies.shipped.train ship runs/shipped/cubes --load runs/shipped/state.pt --out runs/shipped \
+		--trained "make train-shipped"
 
 # The file that is written last.
 runs/shipped/cubes/about.pt: | .venv/installed

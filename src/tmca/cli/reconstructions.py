@@ -185,7 +185,7 @@ class Reconstruction:
 
     def _own(self) -> list[str]:
         """That the decoder was chosen by the codes, where it was."""
-        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse has a standard deviation beside it"
+        said = f"{self.decoder}: it comes with tmca for these codes; --decoder lmmse decodes without it"
         return [said] if self.own else []
 
     def _left(self, estimate: Estimate, report: dict[str, Any]) -> list[str]:
