@@ -118,6 +118,8 @@ class Trained:
     def load(cls, state: Path) -> Self:
         """What a piece has written."""
         stored = torch.load(state, weights_only=True)
+        if "settings" not in stored:
+            raise SystemExit(f"{state}: written before there were presets; begin anew with --fresh")
         network = SubspaceNetwork(**stored["settings"])
         network.load_state_dict(stored["network"])
         return cls(network, stored["steps"], stored["seconds"])
@@ -167,6 +169,8 @@ def fit(folder: Path, out: Path, device: torch.device, preset: Preset, how: argp
     cubes, held_out = read_cubes(folder / "train.xz"), read_cubes(folder / "val.xz")
     prior, resumed = learned(cubes, device), state.exists() and not how.fresh
     trained = Trained.load(state) if resumed else Trained.new(prior, preset)
+    if how.preset and trained.network.settings != Trained.new(prior, preset).network.settings:
+        raise SystemExit(f"{state}: a network of another preset than {how.preset}; go on without --preset, or --fresh")
     parameters = sum(one.numel() for one in trained.network.parameters())
     report(f"{device}, {parameters} parameters, {trained.steps} steps in {trained.seconds:.0f} s so far")
     place(trained.network, device)
@@ -281,6 +285,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def ship(folder: Path, state: Path, trained: str, out: Path) -> None:
     """Write network and prior into a folder."""
+    out.mkdir(parents=True, exist_ok=True)
     prior = learned(read_cubes(folder / "train.xz"), torch.device("cpu"))
     names = torch.load(folder / "about.pt", weights_only=True)["train"]
     replace(prior, sources=tuple(names)).save(out / f"{UNIVERSAL}-prior.nc", overwrite=True)

@@ -14,8 +14,10 @@ from tests.decoders.conformance import camera_for, prior_for, values_for
 from tmca.cameras import Snapshot
 from tmca.decoders import Weights, decode, make_decoder
 from tmca.decoders.certainty import CALIBRATION, FILE, Certainty, Features, calibrated, calibrations, change
+from tmca.decoders.nets.tiles import CollapsedNetwork
 from tmca.errors import DataError
 from tmca.metrics import certainty
+from tmca.operators import TapOperator
 
 NAMES = fit.LIGHT
 
@@ -128,6 +130,21 @@ def test_networks_that_come_with_tmca_know_their_deviation(kind, slots):
     assert tmca.reconstruct(taken, uncertainty=False).deviation is None
     assert tmca.reconstruct(taken, "network", start="admm-tv-joint").deviation is None
     assert (usual.deviation > 0).all()
+
+
+def test_the_deviation_of_a_network_is_that_of_every_snapshot_alone_and_without_tiles():
+    weights = Weights.find("default", 1)
+    camera = weights.camera_for((40, 48), sensor=tmca.Sensor(read_noise=0.01))
+    values = torch.cat([tmca.simulate("coffee", camera, seed=seed, progress=False).values for seed in range(2)])
+    both = decode(Snapshot(values, camera), "network")
+    stream = make_decoder("network", "spectral").prepare(camera).stream(values)
+    torch.testing.assert_close(torch.cat([one.deviation for one in stream]), both.deviation, rtol=1e-3, atol=1e-4)
+    alone = (weights.network, TapOperator(camera.taps()), camera.noise, weights.load_prior(camera))
+    whole, tiled = (CollapsedNetwork(*alone, tile=tile, changes=True)(values) for tile in (None, 16))
+    torch.testing.assert_close(whole.deviation, tiled.deviation, rtol=1e-3, atol=1e-4)
+    adapted = decode(Snapshot(values, camera), "network", adapt=1)
+    assert adapted.deviation.shape == both.deviation.shape
+    assert CALIBRATION in adapted.notes
 
 
 def test_networks_of_ones_own_give_no_deviation_and_that_of_universal_is_its_own(tmp_path):

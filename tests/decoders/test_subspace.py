@@ -78,10 +78,15 @@ def test_a_network_at_other_bands_shares_its_layers():
 def test_wavelengths_beyond_its_range_are_refused():
     with pytest.raises(SettingError, match="400 to 700 nm"):
         small().at([365e-9, 500e-9])
-    outermost = small().at([370e-9, 400e-9, 500e-9]).spectra
-    assert torch.equal(outermost[0], outermost[1])
     with pytest.raises(ShapeError, match="network"):
         small().at([500e-9])(*seen(camera(2)))
+
+
+def test_bands_a_little_beyond_its_range_keep_their_first_estimate():
+    network = small().at([380e-9, 399.5e-9, 500e-9])
+    assert network.spectra[0].eq(0).all()
+    assert network.spectra[1:].ne(0).any(1).all()
+    assert torch.equal(network.shapes[0], small().at([400e-9, 500e-9]).shapes[0])
 
 
 def scene_of(one: SpectralCamera) -> torch.Tensor:

@@ -8,11 +8,21 @@ import xarray as xr
 from torch import Tensor
 
 from tests.cli.refusals import refused
+from tmca import Sensor, Snapshot, reconstruct
 from tmca.cameras import LightFieldCamera, SpectralCamera
 from tmca.cli import main
 from tmca.data import write_dataset
 from tmca.errors import SettingError, ShapeError
-from tmca.priors import BandsBeyond, GaussianPrior, NarrowBlocks, SubspacePrior, find_prior, interpolation, learn_prior
+from tmca.priors import (
+    BandsBeyond,
+    GaussianPrior,
+    NarrowBlocks,
+    SubspacePrior,
+    beyond,
+    find_prior,
+    interpolation,
+    learn_prior,
+)
 from tmca.priors.statistics import FLOOR
 
 KNOTS = tuple(1e-9 * v for v in (400.0, 450.0, 520.0, 600.0, 700.0))
@@ -37,7 +47,18 @@ def test_wavelengths_far_beyond_what_was_learned_are_refused(lengths):
     with pytest.raises(SettingError, match="400 to 700 nm, where it was learned, and up to 30 nm beyond") as refusal:
         prior.at(lengths)
     assert refusal.value.where == "wavelengths"
-    assert "30 nm beyond lose" in str(refusal.value)
+    assert "bands beyond lose" in str(refusal.value)
+
+
+def test_a_narrow_prior_reaches_as_far_beyond_as_it_is_wide():
+    narrow = SubspacePrior.learn([cube[:2] for cube in cubes()], (3, 7), rank=2, wavelengths=[400e-9, 410e-9])
+    assert narrow.at([390e-9, 405e-9]).wavelengths == (390e-9, 405e-9)
+    with pytest.raises(SettingError, match="400 to 410 nm, where it was learned, and up to 10 nm beyond"):
+        narrow.at([385e-9, 405e-9])
+
+
+def test_a_nanometre_beyond_counts_as_within():
+    assert beyond([398e-9, 399.1e-9, 500e-9, 700.9e-9, 702e-9], KNOTS) == pytest.approx([-2e-9, 0, 0, 0, 2e-9])
 
 
 def test_a_band_beyond_differs_from_the_outermost_as_the_one_as_far_inside_but_independently():
@@ -66,12 +87,32 @@ def test_a_band_beyond_differs_from_the_outermost_as_the_one_as_far_inside_but_i
 
 def test_bands_beyond_are_decoded_with_a_warning_that_says_the_loss():
     prior = SubspacePrior.learn(cubes(), (3, 7), rank=2, wavelengths=KNOTS)
-    inside, beyond = (SpectralCamera([first, 500e-9, 700e-9], (12, 14), 2) for first in (400e-9, 385e-9))
+    inside, outside = (SpectralCamera([first, 500e-9, 700e-9], (12, 14), 2) for first in (400e-9, 385e-9))
     with warnings.catch_warnings():
         warnings.simplefilter("error", BandsBeyond)
         find_prior(inside, prior)
-    with pytest.warns(BandsBeyond, match="385 to 700 nm reach beyond those of the prior, 400 to 700 nm: bands 10 nm"):
-        find_prior(beyond, prior)
+    with pytest.warns(
+        BandsBeyond, match="385 to 700 nm reach beyond those of the prior, 400 to 700 nm: bands beyond lose"
+    ):
+        find_prior(outside, prior)
+    far = SpectralCamera([360e-9, 500e-9, 700e-9], (12, 14), 2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", BandsBeyond)
+        with pytest.raises(SettingError, match="up to 30 nm beyond"):
+            find_prior(far, prior)
+
+
+@pytest.mark.parametrize("how", [{}, {"start": "admm-tv-joint"}, {"prior": "wide"}])
+def test_the_network_of_any_bands_warns_of_bands_beyond_once(how):
+    camera = SpectralCamera([385e-9, 500e-9, 650e-9], (12, 14), 1, shutter="open", sensor=Sensor(read_noise=0.01))
+    snapshot = Snapshot(camera(torch.rand(1, 3, 12, 14), generator=0), camera)
+    wide = SubspacePrior.learn(cubes(), (12, 24), rank=2, wavelengths=[370e-9, *KNOTS[1:]])
+    given = {name: wide if value == "wide" else value for name, value in how.items()}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        estimate = reconstruct(snapshot, "network", weights="universal", **given)
+    assert [one.category for one in caught].count(BandsBeyond) == 1
+    assert estimate.values.isfinite().all()
 
 
 def test_knots_ascend():

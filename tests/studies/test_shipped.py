@@ -224,7 +224,12 @@ def test_a_state_says_what_network_it_holds(prior, folder, monkeypatch):
     wide = Trained.new(prior, replace(PRESET, network={**TINY, "widths": (16,)}))
     wide.save(folder / STATE)
     assert piece(folder, monkeypatch, 0)["settings"]["widths"] == [16]
+    with pytest.raises(SystemExit, match="another preset than small"):
+        piece(folder, monkeypatch, 0, "--preset=small")
     assert piece(folder, monkeypatch, 0, "--fresh")["settings"]["widths"] == [8]
+    torch.save({"network": wide.network.state_dict()}, folder / STATE)
+    with pytest.raises(SystemExit, match="begin anew with --fresh"):
+        piece(folder, monkeypatch, 0)
 
 
 @pytest.mark.parametrize("machine", ["cpu", "cuda"])
@@ -246,8 +251,10 @@ def test_the_true_state_is_below_16_MB(prior, tmp_path, monkeypatch):
 
 def test_what_is_written_says_how_long_it_was_trained(folder, monkeypatch):
     state = piece(folder, monkeypatch, 20)
-    train.main(["ship", str(folder), "--load", str(folder / STATE), "--trained", "on nothing", "--out", str(folder)])
-    weights = train.Weights.load(folder / "universal.safetensors")
+    train.main(
+        ["ship", str(folder), "--load", str(folder / STATE), "--trained", "on nothing", "--out", str(folder / "made")]
+    )
+    weights = train.Weights.load(folder / "made/universal.safetensors")
     assert weights.card["trained"] == "on nothing"
     assert weights.card["steps"] == state["steps"]
     assert weights.card["seconds"] == state["seconds"]

@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 
 def given_settings(decoder: type[Decoder] | None, options: dict[str, Any]) -> dict[str, Any]:
     """Settings that have an option of their own; decoders that predict a standard deviation do, unless told not to."""
-    from tmca.arguments import setting_names
+    from tmca.decoders.registry import predicts_deviation
 
-    predicts = decoder is None or "uncertainty" in setting_names(decoder)
+    predicts = decoder is None or predicts_deviation(decoder)
     options = {**options, "uncertainty": (options["uncertainty"] is not False) if predicts else None}
     return {name: value for name, value in options.items() if value is not None}
 

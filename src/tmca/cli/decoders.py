@@ -12,10 +12,9 @@ from tmca.errors import check_choice
 def table(plugins: bool = True, which: str | None = None) -> list[dict[str, Any]]:
     """A row for every decoder: name, label, cameras, prior, uncertainty, settings; those of this package alone, and its
     cameras, without ``plugins``; those of one kind of camera, or the one of a name, with ``which``."""
-    from tmca.arguments import setting_names
     from tmca.cameras import CAMERAS, load_cameras
     from tmca.decoders import decoders, settings_of
-    from tmca.decoders.registry import decodes
+    from tmca.decoders.registry import decodes, predicts_deviation
 
     if plugins:
         load_cameras()
@@ -27,7 +26,7 @@ def table(plugins: bool = True, which: str | None = None) -> list[dict[str, Any]
     return [
         {
             "name": name, "label": cls.label, "cameras": sorted(cameras[name]), "prior": cls.prior_kind,
-            "uncertainty": "uncertainty" in setting_names(cls), "moving": cls.moving,
+            "uncertainty": predicts_deviation(cls), "moving": cls.moving,
             "settings": [asdict(one) for one in settings_of(cls)],
         }
         for name, cls in sorted(known.items())

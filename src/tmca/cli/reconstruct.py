@@ -57,7 +57,7 @@ def reconstruct(
         truth: the scene, for errors and metrics: a file or the name of a rendered scene; a light field is read as it
             was for the snapshot.
         weights: of a network: a file or run of `tmca train`; or one that comes with tmca: universal (spectral, any
-            bands from 400 to 700 nm, any codes, one bucket or two) or default (with the codes of --weights default);
+            bands of 400 to 700 nm, any codes, one bucket or two) or default (with the codes of --weights default);
             the decoder is then network.
         prior: file made by `tmca prior learn` or `learn-views`; the rendered scenes' prior without it (learned once,
             then cached).
@@ -67,7 +67,7 @@ def reconstruct(
         dictionary: file made by `tmca prior learn-views --dictionary`; the decoder is then dictionary.
         tv_weight: weight of the total variation; chosen from the noise level without it.
         uncertainty: also estimate every pixel's standard deviation (lmmse, lmmse-adapted and mixture, which take less
-            time without); the universal network always does, networks that come with codes have none of light.
+            time without, and the networks that come with tmca); networks of your own have none.
         window: side of the windows of likelihood, pixels; 12 without it, or the tile of the codes if that is larger.
         device: where it is decoded: cpu, cuda or cuda:1.
         bank: file that stores what lmmse computes for camera, noise and prior, some hundred MB: written where there is

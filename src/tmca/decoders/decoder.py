@@ -45,7 +45,8 @@ class NoRenderedPrior(UserWarning):
 class Raw:
     """What `Decoder.reconstruct` returns where there is more than the values; shapes as in `Estimate`, or flat.
 
-    ``calibration`` names the entry of `tmca.decoders.certainty` for the deviation, if it is not that of the decoder.
+    ``calibration`` names the entry of `tmca.decoders.certainty` for the deviation: None for the decoder's own, ``""``
+    for none.
     """
 
     values: Tensor
@@ -64,7 +65,7 @@ class Decoder(WithSettings, ABC):
 
     ``name`` is what commands call it, ``label`` what tables show, ``cameras`` the kinds that it decodes, ``prior_kind``
     the prior that it needs (``"gaussian"``, ``"mixture"``, ``"dictionary"`` or a kind of another package),
-    ``deviation`` whether it can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
+    ``deviation`` whether it always can predict its deviation (then it has a setting ``uncertainty``), ``clips`` whether
     negative values are set to zero, ``moving`` whether it estimates a scene for every slot, and ``needs_taps`` whether
     it asks for ``camera.taps()``: cameras without have not got it.
     """

@@ -16,13 +16,13 @@ from tmca.decoders.decoder import Decoder, Progress, Raw
 from tmca.decoders.nets.adaptation import adapt_network
 from tmca.decoders.nets.bands import same_bands
 from tmca.decoders.nets.shipped import DEFAULT, FOLDER, SHIPPED, UNNAMED
-from tmca.decoders.nets.starts import VARIATION, VariationStart
+from tmca.decoders.nets.starts import VARIATION, Starts, VariationStart
 from tmca.decoders.nets.tiles import CollapsedNetwork, TwoHeadedNetwork
 from tmca.decoders.nets.two_headed import TwoHeadedUNet
 from tmca.decoders.nets.weights import Weights
 from tmca.errors import SettingError, check_choice, check_range
 from tmca.operators import TapOperator
-from tmca.priors import find_prior
+from tmca.priors import find_prior, warn_of_bands_beyond
 from tmca.sensor import Sensor
 
 _MOST_NOISE = 5.5
@@ -51,8 +51,9 @@ class NetworkDecoder(Decoder):
         early_stop: end these steps where pixels that are never learned from are no longer predicted better.
         start: own (the first estimate that it learned with) or admm-tv-joint, which needs no prior and is better for
             scenes unlike those of the network's prior, with adapt too (spectral and light-field snapshots).
-        uncertainty: also give the standard deviation of every entry: universal predicts it, and what the light networks
-            of default changed of their own first estimate tells it; others give none.
+        uncertainty: also give the standard deviation of every entry, where the network has one: universal, which
+            predicts it, and the spectral and light-field networks of default, from what they changed of their own first
+            estimate. A standard deviation of depth is always there.
         calibrated: bring the deviation of default's networks to the errors of known scenes; False leaves the change.
     """
 
@@ -96,20 +97,24 @@ class NetworkDecoder(Decoder):
         weights = self.trained(camera)
         weights.check(camera)
         check_range("adapt", self.adapt, 0, unit="steps")
-        prior = weights.load_prior(camera) if prior is None and self.start == "own" else prior
         network, path = _on(weights.network_for(camera), camera.response.device), str(weights.path or "")
+        if prior is None and self.start == "own":
+            prior = weights.load_prior(camera)
+        elif weights.any_bands:
+            warn_of_bands_beyond(camera.wavelengths, (1e-9 * network.knots.double()).tolist(), "network")
         if not isinstance(network, TwoHeadedUNet):
-            starts = None if self.start == "own" else partial(VariationStart, noise=camera.noise, gain=camera.exposures)
-            how: dict[str, Any] = {
-                "starts": starts,
-                "changes": self.uncertainty and self.start == "own" and _is_shipped(weights),
-            }
-            return CollapsedNetwork(network, TapOperator(camera.taps()), camera.noise, prior, **how), path
+            changes = self.uncertainty and self.start == "own" and not weights.any_bands and _is_shipped(weights)
+            operator, starts = TapOperator(camera.taps()), self._starts(camera)
+            return CollapsedNetwork(network, operator, camera.noise, prior, starts=starts, changes=changes), path
         for name, usual in (("adapt", 0), ("start", "own")):
             if getattr(self, name) != usual:
                 found = f"{getattr(self, name)} on a {camera.kind} snapshot"
                 raise SettingError(name, found, f"{usual}, or a spectral or light-field snapshot")
         return TwoHeadedNetwork(network, camera, prior), path
+
+    def _starts(self, camera: Any) -> Starts | None:
+        """What makes first estimates of another kind than the network's own."""
+        return None if self.start == "own" else partial(VariationStart, noise=camera.noise, gain=camera.exposures)
 
     def precompute(self, prepared: Any, bank: Path | None = None) -> Any:
         super().precompute(prepared, bank)
@@ -122,6 +127,7 @@ class NetworkDecoder(Decoder):
         values = values.to(next(run.network.parameters()).dtype)
         raw: Raw = self._all_adapted(run, values, progress) if self.adapt else run(values, progress)
         raw.notes |= notes
+        raw.calibration = NetworkDecoder.name if getattr(run, "changes", False) else ""
         if not self.uncertainty:
             raw.deviation = None
         return raw

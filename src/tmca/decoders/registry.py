@@ -57,6 +57,11 @@ def usual_for(camera: Any, given: Iterable[str] = ()) -> tuple[str, dict[str, An
     return usual_decoder(camera.kind), {}
 
 
+def predicts_deviation(decoder: type[Decoder]) -> bool:
+    """Whether a decoder has a standard deviation, for all its settings or for some."""
+    return "uncertainty" in setting_names(decoder)
+
+
 def usual_decoder(kind: str) -> str:
     """Name of the decoder that a kind of camera has where none is asked for."""
     choices = decoders_for(kind)

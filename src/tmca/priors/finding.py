@@ -19,7 +19,7 @@ from tmca.operators.window_moments import WINDOW, needed_block
 from tmca.plugins import foreign_source
 from tmca.priors.learning import PATCH, common_channels, cubes_of, fitting_block, source_of, values_of
 from tmca.priors.prior import Prior, check_kind, load_prior, prior_kinds
-from tmca.priors.subspace import SubspacePrior, loss_beyond
+from tmca.priors.subspace import SubspacePrior, warn_of_bands_beyond
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -42,10 +42,6 @@ _RENDERING = 1
 """Raised when the rendering changes: priors cached by earlier versions are then learned anew."""
 _FROM_SCENES = ("sources", "wavelengths", "views", "seed", "progress")
 """Arguments of ``learn`` that are no settings of a kind."""
-
-
-class BandsBeyond(UserWarning):
-    """Bands outside of the wavelengths that a prior of any bands was learned at: estimates suffer."""
 
 
 class NarrowBlocks(UserWarning):
@@ -85,21 +81,21 @@ def find_prior(
         return _of_rendered(camera, kind, block, progress or (lambda share, step: None))
     prior = load_prior(given, kind) if isinstance(given, (str, Path)) else given
     if isinstance(prior, SubspacePrior) and kind == "gaussian" and camera.views is None:
-        wanted = block or block_of(camera, prior.kind)
-        if wanted[1] > prior.block[2]:
-            text = f"the prior's blocks of {prior.block[2]} columns are narrow for a dispersion of so many columns"
-            text += f": {wanted[1]} are wanted, and estimates may be worse than those of admm-tv"
-            warn(f"{text}; use admm-tv, or learn a prior with a larger --spread", NarrowBlocks, stacklevel=2)
-        loss = loss_beyond(camera.wavelengths, prior.wavelengths)
-        if loss:
-            taken, known = ((1e9 * min(some), 1e9 * max(some)) for some in (camera.wavelengths, prior.wavelengths))
-            text = f"bands from {taken[0]:.4g} to {taken[1]:.4g} nm reach beyond those of the prior"
-            text += f", {known[0]:.4g} to {known[1]:.4g} nm: {loss}, others up to a decibel"
-            warn(f"{text}; learn a prior at these bands for better ones", BandsBeyond, stacklevel=2)
-        prior = prior.at(camera.wavelengths, wanted)
+        prior = _at_bands(prior, camera, block or block_of(camera, prior.kind))
     check_kind(prior, kind)
     prior.check(camera)
     return prior
+
+
+def _at_bands(prior: SubspacePrior, camera: Any, block: tuple[int, int]) -> Prior:
+    """A prior of any bands at those of a camera; warns where its estimates suffer."""
+    there = prior.at(camera.wavelengths, block)
+    if block[1] > prior.block[2]:
+        text = f"the prior's blocks of {prior.block[2]} columns are narrow for a dispersion of so many columns"
+        text += f": {block[1]} are wanted, and estimates may be worse than those of admm-tv"
+        warn(f"{text}; use admm-tv, or learn a prior with a larger --spread", NarrowBlocks, stacklevel=3)
+    warn_of_bands_beyond(camera.wavelengths, prior.wavelengths, "prior")
+    return there
 
 
 def _check_camera(camera: Any) -> None:

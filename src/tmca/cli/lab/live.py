@@ -134,15 +134,15 @@ def _check_bank(bank: Path | None, camera: Any) -> None:
 
 def _decoder(asked: str | None, kind: str, weights: str | None, uncertainty: bool, fast: bool) -> tuple[str, Decoder]:
     """Name of the decoder that is asked for, else of the usual one, and the decoder."""
-    from tmca.arguments import setting_names
     from tmca.decoders import decoders_for, make_decoder, usual_decoder
+    from tmca.decoders.registry import predicts_deviation
     from tmca.lab.decoder_files import decoder_named
 
     name = decoder_named(asked) if asked else ("network" if weights else usual_decoder(kind))
     cls = decoders_for(kind, moving=None).get(name)
     settings: dict[str, Any] = {} if weights is None else {"weights": weights}
     settings |= {"fast": True} if fast else {}
-    settings |= {"uncertainty": uncertainty} if cls is not None and "uncertainty" in setting_names(cls) else {}
+    settings |= {"uncertainty": uncertainty} if cls is not None and predicts_deviation(cls) else {}
     return name, make_decoder(name, kind, settings)
 
 

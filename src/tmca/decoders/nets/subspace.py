@@ -23,7 +23,7 @@ from tmca.decoders.nets.network import (
 from tmca.decoders.nets.unet import ConvolutionalBody
 from tmca.errors import check_range
 from tmca.operators import TapOperator
-from tmca.priors import interpolation, within
+from tmca.priors import beyond, interpolation, within
 from tmca.sensor import Noise
 
 _FIRST_SHIFT = -3.0  # softplus: 0.05
@@ -47,7 +47,8 @@ class SubspaceNetwork(Network):
 
     Spectra of scenes lie close to a subspace of few dimensions, whose basis B is known at some wavelengths and
     interpolated to the camera's: the layers see coefficients, never bands, so that one network serves cameras of any
-    bands within its range, any codes, one bucket and two. What the first estimate has outside of the subspace stays.
+    bands within its range, any codes, one bucket and two. What the first estimate has outside of the subspace stays,
+    and so do bands up to 30 nm beyond the range; their standard deviation is that of a band at its end.
     All stages share their layers. Beside the estimate the network predicts its standard deviation.
 
     >>> network = SubspaceNetwork(rank=3, widths=[8], blocks=1).at([450e-9, 550e-9, 650e-9])
@@ -113,14 +114,15 @@ class SubspaceNetwork(Network):
         return there
 
     def _directions(self, wavelengths: tuple[float, ...]) -> tuple[Tensor, Tensor, Tensor]:
-        """(L, R) spectra of coefficients of variance one, (R, L) what gives the coefficients of a spectrum, and
-        (L, shapes) smooth functions of wavelength."""
+        """(L, R) spectra of coefficients of variance one, nothing at bands beyond the range, which keep their first
+        estimate; (R, L) what gives the coefficients of a spectrum, and (L, shapes) smooth functions of wavelength."""
         knots = self.knots.double() * 1e-9
         spectra = interpolation(within(wavelengths, knots.tolist()), knots) @ self.basis.double()
         gram = spectra.mT @ spectra / len(spectra) + _RIDGE * torch.eye(self.rank).to(spectra)
         inverse = torch.linalg.solve(gram, spectra.mT) / len(spectra)
         place = (torch.tensor(wavelengths).to(spectra) * 1e9 - self.knots[0]) / (self.knots[-1] - self.knots[0])
-        shapes = torch.cos(torch.pi * place[:, None] * torch.arange(_SHAPES).to(place))
+        shapes = torch.cos(torch.pi * place.clamp(0, 1)[:, None] * torch.arange(_SHAPES).to(place))
+        spectra[[far != 0 for far in beyond(wavelengths, knots.tolist())]] = 0
         return spectra.to(self.basis), inverse.to(self.basis), shapes.to(self.basis)
 
     def forward(self, snapshot: Tensor, operator: TapOperator, noise: Noise, start: Tensor) -> Tensor:

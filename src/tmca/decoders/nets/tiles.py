@@ -138,7 +138,7 @@ class CollapsedNetwork:
         values, *deviation = over_tiles(self.tiles, self.size, made, part_of(progress, begun, 1))
         if self.changes and not deviation:
             return Raw(values, change(values, start.reshape(values.shape)))
-        return Raw(values, deviation[0] if deviation else None, calibration="")
+        return Raw(values, deviation[0] if deviation else None)
 
     def _window(self, snapshot: Tensor, start: Tensor, tile: Tile) -> tuple[Tensor, ...]:
         light, part = window_of(self.operator, snapshot, tile)
