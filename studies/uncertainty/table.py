@@ -82,8 +82,8 @@ The goal is 68 ± 4 % within 1σ, 95 ± 2 % within 2σ and ranks of 0.5 or more.
   (*rank if normal*). Ranks of *pixels* are high. Under the prior of the rendered scenes, which are less like these, σ
   is now too small: 65 and 89.8 % are within 1σ and 2σ, where 83 and 95.7 % were before.
 - **The networks of spectral cameras** miss it by one percent: 73 and 94.2 % behind eight slots, 66 and 92.3 % behind
-  one and at a noise that the fit does not have. Their ranks of pixels, 0.87 and 0.90, are as high as the mixture's. Those
-  of light fields are like the LMMSE there: σ is too large.
+  one and at a noise that the fit does not have. Their ranks of pixels, 0.87 and 0.90, are as high as the mixture's.
+  Those of light fields are like the LMMSE there: σ is too large.
 - **Plain surfaces**: where an estimate shows no edges, σ is too small. On a grey field (12 bands, K = 8, σ = 0.01,
   prior of the rendered scenes) 53 and 81 % of the values are within 1σ and 2σ, without the calibration 84 and 96 %.
 - **Light fields**: ranks are high, but σ is too large on these scenes. Those of the fit differ by far: within 1σ are
