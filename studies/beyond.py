@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import tmca
 from studies.grid import repository_commit
 from studies.shipped.pool import KNOTS
 from studies.shipped.presets import RANK
-from studies.tables import Column, table, write_results
+from studies.tables import Column, pooled, table, write_results
 from tmca.data import read, read_split
 from tmca.decoders import Weights
 from tmca.metrics import psnr
@@ -44,6 +44,8 @@ COLUMNS = [
     Column("inside", "other bands, dB", ".2f"),
     Column("loss", "loss of bands beyond, dB", ".2f"),
 ]
+BY, MEANS = ("codes", "decoder", "withheld"), ("all", "beyond", "inside", "loss")
+"""Names of which the page has a row each, and of figures that are means over the scenes."""
 HEAD = """# What bands lose beyond the learned wavelengths
 
 A prior of any bands (`tmca prior learn --any-bands`, `universal`) knows the wavelengths of its scenes, often 400 to 700
@@ -146,15 +148,6 @@ def figures(estimate: Tensor, scene: Tensor, bands: Any, ends: Any) -> dict[str,
     return {name: psnr(estimate[None, chosen], scene[None, chosen]) for name, chosen in parts.items()}
 
 
-def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Means over the scenes."""
-    groups: dict[Any, list[dict[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault((row["codes"], row["decoder"], row["withheld"]), []).append(row)
-    names = ("all", "beyond", "inside", "loss")
-    return [{**some[0], **{n: float(np.mean([row[n] for row in some])) for n in names}} for some in groups.values()]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
@@ -168,7 +161,7 @@ def main() -> None:
         print(row, flush=True)
     text = (
         HEAD.format(commit=repository_commit(), rows=FRAME[0], columns=FRAME[1])
-        + table(pooled(rows), COLUMNS)
+        + table(pooled(rows, BY, MEANS), COLUMNS)
         + FINDINGS
     )
     text += SAMSON + table(airborne, [*COLUMNS[:2], *COLUMNS[3:6]]) + "\n## Scene by scene\n\n"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from statistics import fmean
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,6 +42,14 @@ def table(rows: Sequence[Mapping[str, object]], columns: Sequence[Column], missi
         texts = [missing if v is None else format(v, c.spec) for v, c in zip(values, columns, strict=True)]
         lines.append("| " + " | ".join(texts) + " |")
     return "\n".join(lines) + "\n"
+
+
+def pooled(rows: Iterable[Mapping[str, Any]], by: Sequence[str], means: Iterable[str]) -> list[dict[str, Any]]:
+    """Rows that have the same values ``by`` these names as one each: the first, with means over all."""
+    groups, names = dict[tuple[Any, ...], list[Mapping[str, Any]]](), [*means]
+    for row in rows:
+        groups.setdefault(tuple(row[name] for name in by), []).append(row)
+    return [{**some[0], **{name: fmean(row[name] for row in some) for name in names}} for some in groups.values()]
 
 
 def write_results(results: Mapping[str, object], text: str, json: Path, overwrite: bool) -> None:

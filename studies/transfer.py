@@ -7,9 +7,8 @@ learned, too, and after it alone was learned. Written: ``transfer.json`` and the
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from statistics import mean
 from typing import Any
 
 import torch
@@ -17,7 +16,7 @@ import torch
 import tmca
 from studies.bench import middle_of, select_bands
 from studies.grid import repository_commit
-from studies.tables import Column, table, write_results
+from studies.tables import Column, pooled, table, write_results
 from tmca.data import read_split
 from tmca.metrics import psnr
 from tmca.priors import learn_prior
@@ -32,7 +31,8 @@ COLUMNS = [
     Column("alone", "it alone learned, dB", ".2f"),
     Column("gap", "gap, dB", ".2f"),
 ]
-_MEANS = [column.key for column in COLUMNS[1:]]
+BY, MEANS = ("scenes",), [column.key for column in COLUMNS[1:]]
+"""Names of which the page has a row each, and of figures that are means over the scenes left out."""
 HEAD = """# What priors lose on new scenes
 
 A prior knows the scenes that it learned from better than others. How much better is the *transfer gap*: the PSNR of a
@@ -77,13 +77,6 @@ def decibels(snapshot: tmca.Snapshot[Any], prior: Any, truth: Any) -> float:
     return float(psnr(estimate, torch.from_numpy(truth.values.copy())[None]))
 
 
-def pooled(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Means over the scenes."""
-    some = [[row for row in rows if row["scenes"] == count] for count in dict.fromkeys(row["scenes"] for row in rows)]
-    means = [{name: mean(row[name] for row in one) for name in _MEANS} for one in some]
-    return [{**one[0], **values} for one, values in zip(some, means, strict=True)]
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("data", type=Path)
@@ -96,7 +89,7 @@ def main() -> None:
         print(row, flush=True)
     rows.sort(key=lambda row: row["scenes"])
     text = HEAD.format(commit=repository_commit(), bands=BANDS, rows=FRAME[0], columns=FRAME[1], three=", ".join(THREE))
-    text += table(pooled(rows), COLUMNS) + "\n## Scene by scene\n\n"
+    text += table(pooled(rows, BY, MEANS), COLUMNS) + "\n## Scene by scene\n\n"
     write_results({"rows": rows}, text + table(rows, [COLUMNS[0], Column("scene"), *COLUMNS[1:]]), how.out, True)
 
 

@@ -3,7 +3,8 @@
 import pytest
 import torch
 
-from studies.beyond import BANDS, cut, figures, pooled
+from studies.beyond import BANDS, BY, MEANS, cut, figures
+from studies.tables import pooled
 
 
 def test_bands_beyond_are_those_outside_of_the_ends():
@@ -19,7 +20,7 @@ def test_bands_beyond_are_those_outside_of_the_ends():
 def test_rows_are_pooled_by_codes_decoder_and_what_was_withheld():
     row = {"codes": "static", "decoder": "lmmse", "withheld": 10, "scene": "a"}
     row |= dict.fromkeys(("all", "beyond", "inside", "loss"), 30.0)
-    pair, alone = pooled([row, row | {"scene": "b", "loss": 32.0}, row | {"withheld": 20}])
+    pair, alone = pooled([row, row | {"scene": "b", "loss": 32.0}, row | {"withheld": 20}], BY, MEANS)
     assert (pair["loss"], alone["loss"], alone["withheld"]) == (31.0, 30.0, 20)
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import xarray as xr
 
 import tmca
-from studies.transfer import BANDS, CAMERA, decibels, pooled
+from studies.tables import pooled
+from studies.transfer import BANDS, BY, CAMERA, MEANS, decibels
 from tests.small_scenes import smooth_scene
 from tmca.priors import learn_prior
 
@@ -12,7 +13,7 @@ from tmca.priors import learn_prior
 def test_rows_are_pooled_by_the_number_of_scenes():
     row = {"scenes": 3, "scene": "a", "left_out": 30.0, "known": 31.0, "alone": 33.0, "gap": 1.0}
     other = row | {"scene": "b", "left_out": 34.0, "gap": -3.0}
-    three, sixteen = pooled([row, other, row | {"scenes": 16, "gap": 0.25}])
+    three, sixteen = pooled([row, other, row | {"scenes": 16, "gap": 0.25}], BY, MEANS)
     assert (three["left_out"], three["gap"], three["alone"]) == (32.0, -1.0, 33.0)
     assert (sixteen["scenes"], sixteen["gap"]) == (16, 0.25)
 
