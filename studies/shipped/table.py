@@ -21,6 +21,7 @@ from scipy.stats import spearmanr
 from torch import Tensor
 
 from studies.shipped.pool import KNOTS, TSA
+from studies.tables import pooled
 from tmca.cameras import SpectralCamera
 from tmca.data import read
 from tmca.decoders import Weights, first_estimate
@@ -143,7 +144,7 @@ COLUMNS = {
 def page(rows: list[dict[str, Any]]) -> str:
     """Means of every camera, then every scene, as Markdown."""
     named = {name: [one for one in rows if one["camera"] == name] for name in dict.fromkeys(r["camera"] for r in rows)}
-    means = [{"camera": name, **_means(some)} for name, some in named.items()]
+    means = pooled(rows, ("camera",), [name for name in COLUMNS if name in rows[0]])
     scenes = [f"### {name}\n\n{_table('scene', some)}" for name, some in named.items()]
     return HEAD + _table("camera", means) + LIMITS + "\n## Scene by scene\n\n" + "\n".join(scenes)
 
@@ -156,10 +157,6 @@ def draw(data: Path, file: str, out: Path) -> None:
     deviation = {"network": estimates.pop("deviation")}
     figure = reconstruction_figure(estimates, camera.wavelengths, scene.numpy(), deviation)
     save_figure(figure, out, overwrite=True)
-
-
-def _means(rows: list[dict[str, Any]]) -> dict[str, float]:
-    return {name: float(np.mean([one[name] for one in rows])) for name in COLUMNS if name in rows[0]}
 
 
 def _table(first: str, rows: list[dict[str, Any]]) -> str:
